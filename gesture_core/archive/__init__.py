@@ -1,0 +1,1 @@
+"""Discovery, keypoint store, journal, workers, resume."""

@@ -1,0 +1,1 @@
+"""Example libraries, k-nearest neighbours, rejection, the scikit-learn estimator, evaluation."""

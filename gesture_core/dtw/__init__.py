@@ -1,0 +1,1 @@
+"""Warping distances: the specification, the float64 reference, batches, bands, search and paths."""

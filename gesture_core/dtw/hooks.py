@@ -1,0 +1,8 @@
+"""Registers the reference kernel and its vectorised fallback."""
+
+from gesture_core.plugin.specs import Register, hookimpl
+
+
+@hookimpl
+def register_distance_kernels(register: Register) -> None:
+    register("numpy", "gesture_core.dtw.vectorised:NumpyKernel", summary="NumPy, runs anywhere")

@@ -1,0 +1,1 @@
+"""Probing and decoding videos: frames with their real timestamps, damage counted."""

@@ -1,0 +1,148 @@
+"""The kinds of plugin, and the Protocol that the classes of each kind fulfil.
+
+A plugin's class is constructed with its options as keyword arguments, so that a frozen dataclass
+is the natural form. Its options, with their defaults, are then visible to `gesture plugins`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+
+    from gesture_core.dtw.spec import DtwSpec
+    from gesture_core.types import PoseSequence, SignalBatch, Signals
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of plugin: its name in the registry, its hook, and its name in sentences."""
+
+    name: str
+    hook: str
+    title: str
+
+
+KINDS: Mapping[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind("pose", "register_pose_backends", "pose backend"),
+        Kind("reader", "register_keypoint_readers", "keypoint reader"),
+        Kind("normalizer", "register_normalizers", "normalizer"),
+        Kind("filter", "register_filters", "filter"),
+        Kind("selector", "register_selectors", "dimension selector"),
+        Kind("kernel", "register_distance_kernels", "distance kernel"),
+        Kind("writer", "register_result_writers", "result writer"),
+        Kind("engine", "register_engines", "execution engine"),
+    )
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """One person in one picture, as a pose backend found them.
+
+    Attributes
+    ----------
+    keypoints : (J, 2) float array
+        Pixels of the frame that was passed in; NaN where missing.
+    scores : (J,) float array
+        Confidence in 0..1.
+    """
+
+    keypoints: np.ndarray
+    scores: np.ndarray
+
+
+class PoseBackend(Protocol):
+    """Finds people in pictures. Constructed with ``model`` (a `pose.models.ModelFile`) and options."""
+
+    skeleton: str
+    batch_size: int
+
+    def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
+        """People in each of ``frames``, each (H, W, 3) uint8 in BGR, best person first.
+
+        ``people`` is ``"single"`` (at most one for each frame) or ``"multi"``.
+        """
+        ...
+
+
+class KeypointReader(Protocol):
+    """Reads ready-made keypoint files."""
+
+    def accepts(self, path: Path) -> bool:
+        """Whether this reader takes ``path`` (a file or a folder), judged cheaply, by name and first bytes."""
+        ...
+
+    def read(self, path: Path) -> list[PoseSequence]:
+        """The sequences in ``path``, one for each person; a KeypointError says what is wrong."""
+        ...
+
+
+class Normalizer(Protocol):
+    """Brings keypoints into the body's own frame of reference."""
+
+    def normalize(self, pose: PoseSequence) -> np.ndarray:
+        """(T, 18, 2) coordinates in body units from a COCO-18 ``pose``; NaN stays NaN."""
+        ...
+
+
+class Filter(Protocol):
+    """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out."""
+
+    def apply(self, signals: Signals) -> Signals:
+        """The filtered signals; the input is read-only."""
+        ...
+
+
+class Selector(Protocol):
+    """Chooses the salient dimensions of one sequence."""
+
+    def select(self, signals: Signals) -> np.ndarray:
+        """(D,) bool mask from the normalised, unfiltered ``signals``."""
+        ...
+
+
+@runtime_checkable
+class DistanceKernel(Protocol):
+    """Computes warping distances in batches: prepare once, compute many.
+
+    Constructed without options or with them as keywords. The same pair must give the same bits in
+    whatever batch it travels.
+    """
+
+    def supports(self, spec: DtwSpec) -> bool:
+        """Whether this kernel computes distances under ``spec``."""
+        ...
+
+    def prepare(self, examples: SignalBatch, spec: DtwSpec) -> Any:
+        """Whatever is worth computing once for ``examples``."""
+        ...
+
+    def distances(self, state: Any, queries: SignalBatch) -> np.ndarray:
+        """(Q, N) float array; infinity where a pair has no dimension in common, never NaN."""
+        ...
+
+
+class ResultWriter(Protocol):
+    """Writes the rows of a run to a file."""
+
+    suffix: str
+
+    def write(self, rows: Iterator[dict[str, Any]], columns: Sequence[str], path: Path) -> None:
+        """Write ``rows``, dicts with the keys ``columns``, to ``path``."""
+        ...
+
+
+class ExecutionEngine(Protocol):
+    """Runs the same function over many tasks and yields what came of each, in any order."""
+
+    def run(self, make_worker: Callable[[], Any], tasks: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+        """Yield ``(task, outcome)``; an outcome is what the worker returned or a GestureError."""
+        ...

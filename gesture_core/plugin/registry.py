@@ -1,0 +1,192 @@
+"""Names of plugins and what became of each: registered, broken, ambiguous, or missing a dependency."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import importlib.util
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from gesture_core.errors import ConfigError, MissingDependencyError, PluginError
+from gesture_core.plugin.kinds import KINDS
+
+_NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+_TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a plugin comes from: its entry point, distribution and version."""
+
+    entry_point: str
+    distribution: str = ""
+    version: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.distribution} {self.version}".strip() or self.entry_point
+
+
+@dataclass(frozen=True)
+class Registration:
+    """One plugin as it was announced; nothing of it has been imported."""
+
+    kind: str
+    name: str
+    target: str
+    origin: Origin
+    needs: tuple[str, ...] = ()
+    extra: str = ""
+    summary: str = ""
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Modules that it needs and that are not installed."""
+        return tuple(module for module in self.needs if not _installed(module))
+
+    @property
+    def install(self) -> str:
+        """The command that brings what is missing."""
+        if not self.extra:
+            return f"pip install {' '.join(self.needs)}"
+        return f"pip install '{self.origin.distribution or 'gesture-core'}[{self.extra}]'"
+
+    @property
+    def title(self) -> str:
+        """The name in a sentence: ``pose backend 'onnx'``."""
+        return f"{KINDS[self.kind].title} {self.name!r}"
+
+
+def _installed(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):
+        return False
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A plugin, or a part of one, that cannot be used, and why."""
+
+    origin: Origin
+    cause: str
+    kind: str = ""
+    name: str = ""
+
+
+@dataclass
+class Registry:
+    """All plugins of an installation, by kind and name."""
+
+    entries: dict[tuple[str, str], list[Registration]] = field(default_factory=dict)
+    faults: list[Fault] = field(default_factory=list)
+
+    def add(
+        self,
+        kind: str,
+        origin: Origin,
+        name: str,
+        target: str,
+        needs: Sequence[str] = (),
+        extra: str = "",
+        summary: str = "",
+    ) -> None:
+        """Record one announcement; a malformed or repeated one becomes a fault."""
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            self.faults.append(
+                Fault(origin, f"{name!r} is not a name: lower-case letters, digits, hyphens", kind, str(name))
+            )
+            return
+        if not isinstance(target, str) or not _TARGET.fullmatch(target):
+            self.faults.append(Fault(origin, f"target {target!r} is not 'module:Class'", kind, name))
+            return
+        known = self.entries.setdefault((kind, name), [])
+        if any(entry.origin.distribution == origin.distribution for entry in known):
+            self.faults.append(Fault(origin, "registers this name twice; the first one counts", kind, name))
+            return
+        known.append(Registration(kind, name, target, origin, tuple(needs), extra, summary))
+
+    def names(self, kind: str, *, usable: bool = False) -> tuple[str, ...]:
+        """Names of ``kind`` in alphabetical order; only those that can be loaded with ``usable``."""
+        found = sorted(name for k, name in self.entries if k == kind)
+        if usable:
+            found = [
+                name
+                for name in found
+                if len(self.entries[kind, name]) == 1 and not self.entries[kind, name][0].missing
+            ]
+        return tuple(found)
+
+    def find(self, kind: str, name: str) -> Registration:
+        """The one registration of ``name``.
+
+        Raises
+        ------
+        PluginError
+            Where the name is unknown (with the nearest known ones) or claimed twice.
+        """
+        found = self.entries.get((kind, name), [])
+        if len(found) == 1:
+            return found[0]
+        title = KINDS[kind].title
+        if found:
+            claims = " and ".join(str(entry.origin) for entry in found)
+            raise PluginError(
+                f"{title} {name!r} is claimed by {claims}",
+                remedy="uninstall one of them",
+                code="E_PLUGIN_AMBIGUOUS",
+            )
+        broken = [fault for fault in self.faults if fault.name in ("", name) and fault.kind in ("", kind)]
+        known = self.names(kind)
+        near = difflib.get_close_matches(name, known, 1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        cause = f"no {title} {name!r}"
+        if broken:
+            cause += f" ({'; '.join(f'{fault.origin}: {fault.cause}' for fault in broken)})"
+        raise PluginError(
+            cause, remedy=f"{hint}one of {', '.join(known) or '(none installed)'}", code="E_PLUGIN_UNKNOWN"
+        )
+
+    def load(self, kind: str, name: str) -> type[Any]:
+        """Import the class of a plugin.
+
+        Raises
+        ------
+        MissingDependencyError
+            Names the command that installs what is missing.
+        PluginError
+            Where the name is unknown or ambiguous, or the import fails.
+        """
+        entry = self.find(kind, name)
+        if entry.missing:
+            raise MissingDependencyError(f"{entry.title} needs {', '.join(entry.missing)}: {entry.install}")
+        module, _, attribute = entry.target.partition(":")
+        try:
+            return getattr(importlib.import_module(module), attribute)
+        except (Exception, SystemExit) as error:
+            raise PluginError(
+                f"{entry.title} of {entry.origin} cannot be imported: {type(error).__name__}: {error}",
+                remedy="repair or uninstall it",
+                code="E_PLUGIN_IMPORT",
+            ) from error
+
+    def make(self, kind: str, name: str, options: Mapping[str, Any] | None = None, **fixed: Any) -> Any:
+        """Construct a plugin with ``options`` as keyword arguments.
+
+        Raises
+        ------
+        ConfigError
+            Where it does not take one of the options, or refuses a value.
+        """
+        entry = self.find(kind, name)
+        factory = self.load(kind, name)
+        try:
+            return factory(**fixed, **(options or {}))
+        except (TypeError, ValueError) as error:
+            raise ConfigError(
+                f"{entry.title} does not take {dict(options or {})}: {error}",
+                remedy=f"'gesture plugins {name}' lists its options",
+                code="E_OPTION",
+            ) from error

@@ -1,0 +1,79 @@
+"""Hook specifications: one hook for each kind of plugin.
+
+A plugin module implements any of these with `hookimpl` and calls ``register`` once for each
+thing that it brings. See `Register` for the arguments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import pluggy
+
+PROJECT = "gesture_core"
+hookspec = pluggy.HookspecMarker(PROJECT)
+hookimpl = pluggy.HookimplMarker(PROJECT)
+
+
+class Register(Protocol):
+    """The function that a hook receives."""
+
+    def __call__(
+        self, name: str, target: str, *, needs: Sequence[str] = (), extra: str = "", summary: str = ""
+    ) -> None:
+        """Announce a plugin without importing it.
+
+        Parameters
+        ----------
+        name : str
+            What users write: lower-case letters, digits and hyphens.
+        target : str
+            ``"package.module:Class"``, imported when the name is first used.
+        needs : sequence of str
+            Modules that the target imports and that may be missing.
+        extra : str
+            What to ``pip install`` when one of them is.
+        summary : str
+            One line for `gesture plugins`.
+        """
+
+
+@hookspec
+def register_pose_backends(register: Register) -> None:
+    """Networks or services that find people in pictures (`PoseBackend`)."""
+
+
+@hookspec
+def register_keypoint_readers(register: Register) -> None:
+    """Readers of ready-made keypoint files (`KeypointReader`)."""
+
+
+@hookspec
+def register_normalizers(register: Register) -> None:
+    """From pixels to the body's own coordinates (`Normalizer`)."""
+
+
+@hookspec
+def register_filters(register: Register) -> None:
+    """Steps of the signal chain (`Filter`)."""
+
+
+@hookspec
+def register_selectors(register: Register) -> None:
+    """Choice of the salient dimensions (`Selector`)."""
+
+
+@hookspec
+def register_distance_kernels(register: Register) -> None:
+    """Batched warping distances (`DistanceKernel`)."""
+
+
+@hookspec
+def register_result_writers(register: Register) -> None:
+    """File formats of `gesture export` (`ResultWriter`)."""
+
+
+@hookspec
+def register_engines(register: Register) -> None:
+    """Where extraction runs (`ExecutionEngine`)."""

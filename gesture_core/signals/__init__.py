@@ -1,0 +1,1 @@
+"""From keypoints to signals: the chain normalizer, filters, selector."""

@@ -1,0 +1,326 @@
+"""The data that travels from stage to stage: frozen, validated on construction, NumPy throughout."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from gesture_core.errors import InputError, KeypointError, SignalError
+from gesture_core.skeletons import COCO18, skeleton, to_coco18
+
+Status = Literal["ok", "degraded", "rejected", "skipped", "error"]
+STATUSES: tuple[Status, ...] = ("ok", "degraded", "rejected", "skipped", "error")
+
+
+def _frozen(array: np.ndarray, dtype: type) -> np.ndarray:
+    """``array`` as a read-only array of ``dtype``: a view, so the caller's own flag is untouched."""
+    view: np.ndarray = np.ascontiguousarray(array, dtype=dtype).view()
+    view.flags.writeable = False
+    return view
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSequence:
+    """The keypoints of one person over time.
+
+    Attributes
+    ----------
+    keypoints : (T, J, 2) float32
+        x to the right, y down, in pixels of the upright picture (or in the unit of the keypoint
+        file). NaN in both coordinates where the joint is missing.
+    scores : (T, J) float32
+        Confidence in 0..1; zero where the joint is missing.
+    times : (T,) float64
+        Seconds from the container, never decreasing.
+    skeleton : str
+        A key of `gesture_core.skeletons.SKELETONS`.
+    frame_size : (width, height) or None
+        Pixels of the upright picture, None where the file does not say.
+    person : int
+        Track number inside the input, 0 for the first or only person.
+    source : str
+        The input, as the user named it.
+    provenance : mapping
+        What made the keypoints: backend, model hash, reader.
+    """
+
+    keypoints: np.ndarray
+    scores: np.ndarray
+    times: np.ndarray
+    skeleton: str = COCO18.name
+    frame_size: tuple[int, int] | None = None
+    person: int = 0
+    source: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        points = np.asarray(self.keypoints)
+        joints = len(skeleton(self.skeleton).joints)
+        if points.ndim != 3 or points.shape[1:] != (joints, 2):
+            raise KeypointError(
+                f"keypoints have shape {points.shape}, {self.skeleton} needs (T, {joints}, 2)",
+                subject=self.source,
+                code="E_KEYPOINTS_SHAPE",
+            )
+        frames = points.shape[0]
+        if np.shape(self.scores) != (frames, joints) or np.shape(self.times) != (frames,):
+            raise KeypointError(
+                f"scores {np.shape(self.scores)} and times {np.shape(self.times)} "
+                f"do not fit {frames} frames of {joints} joints",
+                subject=self.source,
+                code="E_KEYPOINTS_SHAPE",
+            )
+        if np.isinf(points).any():
+            raise KeypointError("a coordinate is infinite", subject=self.source, code="E_KEYPOINTS_VALUE")
+        times = np.asarray(self.times, np.float64)
+        if not np.isfinite(times).all() or (np.diff(times) < 0).any():
+            raise KeypointError(
+                "times are not finite and ascending", subject=self.source, code="E_KEYPOINTS_TIMES"
+            )
+        missing = np.isnan(points).any(axis=2)
+        points = np.where(missing[..., None], np.float32(np.nan), points)
+        scores = np.where(missing, 0, np.nan_to_num(np.asarray(self.scores), nan=0.0, posinf=1.0))
+        object.__setattr__(self, "keypoints", _frozen(points, np.float32))
+        object.__setattr__(self, "scores", _frozen(np.clip(scores, 0, 1), np.float32))
+        object.__setattr__(self, "times", _frozen(times, np.float64))
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(T, J) bool: the joint was found in the frame."""
+        return ~np.isnan(self.keypoints[..., 0])
+
+    @property
+    def frames_with_pose(self) -> int:
+        """Number of frames in which any joint was found."""
+        return int(self.seen.any(axis=1).sum())
+
+    def as_coco18(self) -> PoseSequence:
+        """The same sequence in the canonical skeleton (itself where it already is)."""
+        if self.skeleton == COCO18.name:
+            return self
+        points, scores = to_coco18(self.keypoints, self.scores, skeleton(self.skeleton))
+        return PoseSequence(
+            points,
+            scores,
+            self.times,
+            COCO18.name,
+            self.frame_size,
+            self.person,
+            self.source,
+            {**self.provenance, "source_skeleton": self.skeleton},
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """The one-dimensional signals of one sequence, ready for warping.
+
+    Attributes
+    ----------
+    values : (T, D) float32
+        Finite everywhere; zero in channels that are not present.
+    times : (T,) float64
+        Seconds.
+    channels : tuple of D str
+        `right_wrist_x` and so on.
+    mask : (D,) bool
+        Channels that the selector found salient; all of them by default.
+    present : (D,) bool
+        Channels whose joint was seen. A pair is compared on
+        ``(mask_query | mask_example) & present_query & present_example``.
+    source : str
+        The input, as the user named it.
+    """
+
+    values: np.ndarray
+    times: np.ndarray
+    channels: tuple[str, ...]
+    mask: np.ndarray | None = None
+    present: np.ndarray | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        values = np.asarray(self.values)
+        if values.ndim != 2 or values.shape[1] != len(self.channels) or 0 in values.shape:
+            raise SignalError(
+                f"signals have shape {values.shape}, expected (T, {len(self.channels)}) with T at least 1",
+                subject=self.source,
+                code="E_SIGNAL_SHAPE",
+            )
+        if np.shape(self.times) != (len(values),):
+            raise SignalError(
+                f"{len(values)} frames but times of shape {np.shape(self.times)}",
+                subject=self.source,
+                code="E_SIGNAL_SHAPE",
+            )
+        width = len(self.channels)
+        every = np.ones(width, bool)
+        mask = every if self.mask is None else np.asarray(self.mask, bool)
+        present = every if self.present is None else np.asarray(self.present, bool)
+        if mask.shape != (width,) or present.shape != (width,):
+            raise SignalError(
+                f"masks of shape {mask.shape} and {present.shape} for {width} channels",
+                subject=self.source,
+                code="E_SIGNAL_SHAPE",
+            )
+        values = np.where(present, values, 0)
+        if not np.isfinite(values).all():
+            bad = self.channels[int(np.argmin(np.isfinite(values).all(axis=0)))]
+            raise SignalError(
+                f"channel {bad} holds NaN or infinity",
+                subject=self.source,
+                remedy="a filter that fills gaps before this one",
+                code="E_SIGNAL_VALUE",
+            )
+        object.__setattr__(self, "values", _frozen(values, np.float32))
+        object.__setattr__(self, "times", _frozen(np.asarray(self.times), np.float64))
+        object.__setattr__(self, "mask", _frozen(mask, bool))
+        object.__setattr__(self, "present", _frozen(present, bool))
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def selected(self) -> tuple[str, ...]:
+        """Names of the salient channels."""
+        assert self.mask is not None and self.present is not None
+        return tuple(np.array(self.channels)[self.mask & self.present].tolist())
+
+
+@dataclass(frozen=True, eq=False)
+class SignalBatch:
+    """Ragged series, padded to one array: what distance kernels take.
+
+    Attributes
+    ----------
+    values : (B, T, D) float32 or float64
+        Zero beyond each length; the dtype is the one that the kernel computes in.
+    lengths : (B,) int64
+        At least 1.
+    masks : (B, D) bool
+        Salient channels. A pair uses ``(masks_q | masks_e) & present_q & present_e``.
+    present : (B, D) bool
+        Channels that hold data.
+    """
+
+    values: np.ndarray
+    lengths: np.ndarray
+    masks: np.ndarray
+    present: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.lengths)
+
+    @classmethod
+    def of(
+        cls, series: Sequence[Signals | np.ndarray], dtype: type = np.float32, name: str = "series"
+    ) -> SignalBatch:
+        """Pad ``series`` to a batch.
+
+        Parameters
+        ----------
+        series : sequence of Signals or (T,) or (T, D) arrays
+            Every element with the same number of channels.
+        dtype : numpy float type
+        name : str
+            What to call an element in an error message.
+
+        Raises
+        ------
+        InputError
+            Where there is no series, one is empty, the widths differ, or a value is NaN or
+            infinite; the message names the index.
+        """
+        if len(series) == 0:
+            raise InputError(f"no {name}: at least one is needed", code="E_EMPTY")
+        arrays = [_matrix(item, index, name) for index, item in enumerate(series)]
+        width = arrays[0].shape[1]
+        for index, array in enumerate(arrays):
+            if array.shape[1] != width:
+                raise InputError(
+                    f"{name} {index} has {array.shape[1]} dimensions, {name} 0 has {width}",
+                    code="E_DIMENSIONS",
+                )
+        lengths = np.array([len(array) for array in arrays], np.int64)
+        values: np.ndarray = np.zeros((len(arrays), int(lengths.max()), width), dtype)
+        masks = np.ones((len(arrays), width), bool)
+        present = np.ones((len(arrays), width), bool)
+        for index, (item, array) in enumerate(zip(series, arrays, strict=True)):
+            values[index, : len(array)] = array
+            if isinstance(item, Signals):
+                masks[index], present[index] = item.mask, item.present
+        return cls(values, lengths, masks, present)
+
+
+def _matrix(item: Signals | np.ndarray, index: int, name: str) -> np.ndarray:
+    array = item.values if isinstance(item, Signals) else np.asarray(item)
+    if array.ndim == 1:
+        array = array[:, None]
+    if array.ndim != 2 or 0 in array.shape:
+        raise InputError(
+            f"{name} {index} has shape {array.shape}, expected (T,) or (T, D), not empty",
+            code="E_EMPTY" if 0 in array.shape else "E_DIMENSIONS",
+        )
+    if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
+        raise InputError(f"{name} {index} holds {array.dtype}, expected real numbers", code="E_DTYPE")
+    if not np.isfinite(array).all():
+        frame = int(np.argmin(np.isfinite(array).all(axis=1)))
+        raise InputError(
+            f"{name} {index} holds NaN or infinity at frame {frame}",
+            remedy="fill the gaps first",
+            code="E_NOT_FINITE",
+        )
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbors:
+    """The nearest examples of each query, nearest first; ties go to the lower example index.
+
+    Attributes
+    ----------
+    distances : (Q, k) float
+    indices : (Q, k) int64
+    """
+
+    distances: np.ndarray
+    indices: np.ndarray
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What was decided about one person in one input.
+
+    Attributes
+    ----------
+    label : str or None
+        None unless the status carries a label.
+    status : str
+        `ok`, `degraded`, `rejected`, `skipped` or `error`.
+    distance : float or None
+        Warping distance to the nearest example, in the unit of the signals.
+    margin : float or None
+        Distance to the nearest example of any other class minus `distance`, as the vote's winner
+        sees it; None with only one class.
+    neighbors : tuple of (example, label, distance)
+        The k nearest examples, nearest first.
+    selected : tuple of str
+        Salient channels of the query.
+    code, message : str
+        Empty when there is nothing to say.
+    """
+
+    label: str | None
+    status: Status
+    distance: float | None = None
+    margin: float | None = None
+    neighbors: tuple[tuple[str, str, float], ...] = ()
+    selected: tuple[str, ...] = ()
+    code: str = ""
+    message: str = ""

@@ -1,0 +1,1 @@
+"""Warping-distance kernel on JAX."""

@@ -1,0 +1,1 @@
+"""Pose backend on OpenCV's DNN module."""

@@ -1,0 +1,1 @@
+"""Built-in normalizers, filters and dimension selectors."""
