@@ -77,7 +77,7 @@ class KeypointReader(Protocol):
     """Reads ready-made keypoint files."""
 
     def accepts(self, path: Path) -> bool:
-        """Whether this reader takes ``path`` (a file or a folder), judged cheaply, by name and first bytes."""
+        """Whether this reader takes ``path``, a file or a folder, judged cheaply by name and first bytes."""
         ...
 
     def read(self, path: Path) -> list[PoseSequence]:
