@@ -1,0 +1,152 @@
+"""From keypoints to signals: gaps, normalizer, selector, filters, in this order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gesture_core.errors import GestureError, PluginError, SignalError
+from gesture_core.plugin.kinds import Filter, Normalizer, Selector
+from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
+from gesture_core.skeletons import COCO18
+from gesture_core.types import PoseSequence, Signals
+
+if TYPE_CHECKING:
+    from gesture_core.settings import Settings
+
+CHANNELS = tuple(f"{name}_{axis}" for name in COCO18.joints for axis in "xy")
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The steps from a `PoseSequence` to `Signals`.
+
+    The selector sees the normalised, unfiltered signals (Schneider et al. 2019, section III);
+    its mask then travels through the filters, which may drop or add channels.
+
+    Attributes
+    ----------
+    normalizer : Normalizer
+    filters : tuple of Filter
+    selector : Selector
+    gaps : GapRule
+    names : mapping
+        What each step is called, for error messages.
+    """
+
+    normalizer: Normalizer
+    filters: tuple[Filter, ...]
+    selector: Selector
+    gaps: GapRule = field(default_factory=GapRule)
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def from_settings(cls, settings: Settings) -> Chain:
+        """The chain that ``settings`` describe, its plugins found by name.
+
+        A step may be named twice: ``gaussian:wide`` is a second `gaussian` whose options are those
+        of ``[options."gaussian:wide"]``.
+
+        Raises
+        ------
+        PluginError, ConfigError
+            For an unknown plugin, or an option that it does not take.
+        """
+        chosen = settings.signals
+        rule = GapRule(chosen.max_gap, chosen.min_seen, chosen.min_frames, settings.classify.min_pose)
+        return cls(
+            _make(settings, "normalizer", chosen.normalizer),
+            tuple(_make(settings, "filter", name) for name in chosen.filters),
+            _make(settings, "selector", chosen.selector),
+            rule,
+            {"normalizer": chosen.normalizer, "selector": chosen.selector},
+        )
+
+    def __call__(self, pose: PoseSequence) -> Signals:
+        """The signals of one person.
+
+        Raises
+        ------
+        PoseError
+            E_POSE_SPARSE where a person is seen in too few frames, E_POSE_SCALE where the
+            normalizer finds no scale.
+        SignalError
+            E_NO_SALIENT where no channel moves enough to be compared.
+        PluginError
+            Where a plugin returns arrays of another shape or raises.
+        """
+        try:
+            return self._steps(pose)
+        except GestureError as error:
+            raise error.about(pose.source) from error.__cause__
+
+    def all(self, poses: Iterable[PoseSequence]) -> list[Signals]:
+        """The signals of each of ``poses``; the first error ends it."""
+        return [self(pose) for pose in poses]
+
+    def _steps(self, pose: PoseSequence) -> Signals:
+        signals = self.normalised(pose)
+        mask = _guard(self.selector, "select", signals)
+        if np.shape(mask) != (len(signals.channels),):
+            raise _broke(self.selector, f"returned a mask of shape {np.shape(mask)}")
+        signals = replace(signals, mask=np.asarray(mask, bool))
+        for step in self.filters:
+            signals = _guard(step, "apply", signals)
+            if not isinstance(signals, Signals):
+                raise _broke(step, f"returned {type(signals).__name__} instead of Signals")
+        if not signals.selected:
+            raise SignalError(
+                "no channel moves enough to be compared; a person who stands still makes no gesture",
+                subject=pose.source,
+                remedy="a lower variance.t_var, or signals.selector=all where poses are classes too",
+                code="E_NO_SALIENT",
+            )
+        return signals
+
+    def normalised(self, pose: PoseSequence) -> Signals:
+        """The signals before selection and filters: every channel in body units, gaps filled."""
+        pose = require_pose(pose.as_coco18(), self.gaps)
+        joints, _ = fill_gaps(pose.keypoints, pose.times, self.gaps)
+        # Scores of interpolated joints stay zero, so that later steps know them from seen ones.
+        dense = replace(pose, keypoints=joints, scores=pose.scores)
+        points = _guard(self.normalizer, "normalize", dense)
+        if np.shape(points) != (len(pose), len(COCO18.joints), 2):
+            raise _broke(self.normalizer, f"returned coordinates of shape {np.shape(points)}")
+        # Frames that the normalizer does not trust are gaps like any other.
+        points = np.where(np.isfinite(points).all(axis=2, keepdims=True), points, np.nan)
+        points, present = fill_gaps(points, pose.times, self.gaps)
+        return Signals(
+            points.reshape(len(pose), -1),
+            pose.times,
+            CHANNELS,
+            present=np.repeat(present, 2),
+            source=pose.source,
+        )
+
+
+def _make(settings: Settings, kind: str, name: str) -> Any:
+    from gesture_core.plugin import registry
+
+    return registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
+
+
+def _guard(plugin: Any, method: str, argument: Any) -> Any:
+    """``plugin.method(argument)``; anything but a GestureError is said to be the plugin's fault."""
+    try:
+        return getattr(plugin, method)(argument)
+    except GestureError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise _broke(plugin, f"raised {type(error).__name__}: {error}") from error
+
+
+def _broke(plugin: Any, what: str) -> PluginError:
+    kind = type(plugin)
+    return PluginError(
+        f"{kind.__module__}.{kind.__qualname__} {what}",
+        remedy="repair or replace the plugin",
+        code="E_PLUGIN_CONTRACT",
+    )

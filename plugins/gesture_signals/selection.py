@@ -1,0 +1,48 @@
+"""Which channels take part: those that move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gesture_core.types import Signals
+from gesture_signals.smoothing import running_median
+
+
+@dataclass(frozen=True)
+class VarianceThreshold:
+    """Channels whose median-filtered population variance exceeds a threshold (Schneider et al. 2019).
+
+    The median filter serves the selection only: it takes out the single frames in which a network
+    jumps, which would look like motion.
+
+    Parameters
+    ----------
+    t_var : float
+        In the squared unit of the normalizer.
+    median_radius : int
+        Frames on each side of the running median.
+    """
+
+    t_var: float = 0.10
+    median_radius: int = 3
+
+    def __post_init__(self) -> None:
+        if not self.t_var >= 0 or self.median_radius < 0:
+            raise ValueError(
+                f"t_var {self.t_var} and median_radius {self.median_radius} must not be negative"
+            )
+
+    def select(self, signals: Signals) -> np.ndarray:
+        """(D,) bool: the channel moves."""
+        return running_median(signals.values, self.median_radius).var(axis=0) > self.t_var
+
+
+@dataclass(frozen=True)
+class AllChannels:
+    """Every channel that is present."""
+
+    def select(self, signals: Signals) -> np.ndarray:
+        """(D,) bool, all True."""
+        return np.ones(len(signals.channels), bool)
