@@ -1,0 +1,242 @@
+"""`GestureClassifier`: the whole decision behind the names of scikit-learn, which it does not need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from inspect import signature
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gesture_core.classify.decide import decide
+from gesture_core.classify.library import ExampleLibrary, medoids
+from gesture_core.classify.neighbors import k_nearest, vote
+from gesture_core.classify.rejection import calibrated_thresholds
+from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings
+from gesture_core.signals.chain import Chain
+from gesture_core.types import PoseSequence, Prediction, Signals
+
+if TYPE_CHECKING:
+    from gesture_core.dtw.spec import DtwSpec
+
+Item = PoseSequence | Signals | np.ndarray
+
+
+class GestureClassifier:
+    """Nearest examples by warping distance (Schneider et al. 2019, and what came after it).
+
+    Parameters
+    ----------
+    preset : str or Settings
+        Name of a preset, a TOML file, or ready settings.
+    kernel : str
+        Distance kernel; ``auto`` leaves the choice to the preset, then to the machine.
+    n_neighbors : int, optional
+        Examples that vote; the preset's number by default.
+    reject : float or "calibrated" or None
+        Largest distance that gets a label; ``"calibrated"`` takes mean + ``reject_sd`` (of the
+        preset, otherwise 3) standard deviations of the distances inside each class. None leaves
+        it to the preset.
+
+    Attributes
+    ----------
+    classes_ : (C,) array
+        The labels, each once, sorted.
+    library_ : ExampleLibrary
+        The examples that queries are compared with.
+    example_indices_ : (N,) int64
+        Where each of them stood in the ``X`` of `fit`.
+    thresholds_ : (C,) float array or None
+        Rejection threshold of each class.
+
+    Notes
+    -----
+    ``X`` is a sequence of `PoseSequence`, of `Signals`, or of (T, D) arrays, which are compared
+    as they are. All elements have the same number of channels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gesture_core import GestureClassifier
+    >>> up, down = np.linspace(0, 1, 20)[:, None], np.linspace(1, 0, 25)[:, None]
+    >>> GestureClassifier(kernel="numpy").fit([up, down], ["up", "down"]).predict([up[::2]]).tolist()
+    ['up']
+    """
+
+    _estimator_type = "classifier"
+
+    def __init__(
+        self,
+        preset: str | Settings = DEFAULT_PRESET,
+        kernel: str = "auto",
+        n_neighbors: int | None = None,
+        reject: float | str | None = None,
+    ) -> None:
+        self.preset = preset
+        self.kernel = kernel
+        self.n_neighbors = n_neighbors
+        self.reject = reject
+
+    def fit(
+        self, X: Sequence[Item], y: Sequence[object], names: Sequence[str] | None = None
+    ) -> GestureClassifier:
+        """Keep ``X`` as examples with the labels ``y``.
+
+        Raises
+        ------
+        GestureError
+            Where an example cannot be used; the message names it.
+        """
+        if len(X) != len(y):
+            raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
+        settings = self._settings()
+        library = ExampleLibrary.of(self.signals(X), list(y), names)
+        indices = np.arange(len(library))
+        wanted = self._rejection(settings)
+        self.thresholds_: np.ndarray | None = None
+        if settings.classify.representative or wanted == "calibrated":
+            within = self._distances(library.series, library.series)
+            if wanted == "calibrated":
+                sd = settings.classify.reject_sd
+                codes, count = library.codes, len(library.classes)
+                self.thresholds_ = calibrated_thresholds(within, codes, count, 3.0 if sd is None else sd)
+            if settings.classify.representative:
+                indices = medoids(within, library.codes)
+        if isinstance(wanted, float):
+            self.thresholds_ = np.full(len(library.classes), wanted)
+        self.library_ = library.take(indices)
+        self.example_indices_ = indices
+        self.classes_ = self.library_.classes
+        return self
+
+    def predict(self, X: Sequence[Item]) -> np.ndarray:
+        """(Q,) labels, of the type of ``y``; None (in an object array) where a query is rejected.
+
+        Raises
+        ------
+        GestureError
+            Where a query cannot be used. `predictions` gives it a row instead.
+        """
+        distances = self.distances(X)
+        votes = vote(distances, self.library_.codes, len(self.classes_), self._k())
+        if (votes.winners < 0).any():
+            first = int(np.argmax(votes.winners < 0))
+            raise InputError(f"query {first} has no dimension in common with any example", code="E_NO_COMMON")
+        labels = self.classes_[votes.winners]
+        if self.thresholds_ is not None:
+            far = ~(votes.distances <= self.thresholds_[votes.winners])
+            if far.any():
+                labels = labels.astype(object)
+                labels[far] = None
+        return labels
+
+    def predictions(self, X: Sequence[Item]) -> list[Prediction]:
+        """One `Prediction` for each query: label, distance, margin, neighbours, or why there is none."""
+        self._check_fitted()
+        out: list[Prediction | None] = [None] * len(X)
+        usable: list[Signals | np.ndarray] = []
+        places = []
+        chain = self._chain()
+        for place, item in enumerate(X):
+            try:
+                usable.append(chain(item) if isinstance(item, PoseSequence) else item)
+                places.append(place)
+            except GestureError as error:
+                out[place] = Prediction(None, "error", code=error.code, message=error.message)
+        if usable:
+            distances = self._distances(usable, self.library_.series)
+            decided = decide(distances, usable, self.library_, self._k(), self.thresholds_)
+            for place, prediction in zip(places, decided, strict=True):
+                out[place] = prediction
+        return [prediction for prediction in out if prediction is not None]
+
+    def kneighbors(self, X: Sequence[Item], n_neighbors: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(Q, k) distances and indices into the ``X`` of `fit`, nearest first."""
+        near = k_nearest(self.distances(X), self._k() if n_neighbors is None else n_neighbors)
+        return near.distances, self.example_indices_[near.indices]
+
+    def score(self, X: Sequence[Item], y: Sequence[object]) -> float:
+        """Share of queries whose label is right; a rejected query is not."""
+        return float(np.mean([a == b for a, b in zip(self.predict(X), y, strict=True)]))
+
+    def distances(self, X: Sequence[Item]) -> np.ndarray:
+        """(Q, N) warping distances to the examples of `library_`."""
+        self._check_fitted()
+        return self._distances(self.signals(X), self.library_.series)
+
+    def signals(self, X: Sequence[Item]) -> list[Signals | np.ndarray]:
+        """``X`` as the chain of the preset sees it; Signals and arrays pass unchanged."""
+        chain = self._chain()
+        return [chain(item) if isinstance(item, PoseSequence) else item for item in X]
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """The parameters of the constructor (scikit-learn)."""
+        return {name: getattr(self, name) for name in signature(type(self)).parameters}
+
+    def set_params(self, **params: Any) -> GestureClassifier:
+        """Change parameters of the constructor (scikit-learn)."""
+        for name, value in params.items():
+            if name not in self.get_params():
+                raise ConfigError(f"GestureClassifier has no parameter {name!r}", code="E_OPTION")
+            setattr(self, name, value)
+        return self
+
+    def __sklearn_tags__(self) -> Any:
+        """Tags that scikit-learn asks for; only it calls this, so it is installed."""
+        from sklearn.utils import ClassifierTags, InputTags, Tags, TargetTags
+
+        return Tags(
+            estimator_type="classifier",
+            target_tags=TargetTags(required=True),
+            classifier_tags=ClassifierTags(),
+            input_tags=InputTags(two_d_array=False, three_d_array=True, allow_nan=True),
+        )
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "library_")
+
+    def __repr__(self) -> str:
+        preset = self.preset.preset if isinstance(self.preset, Settings) else self.preset
+        return f"GestureClassifier(preset={preset!r}, kernel={self.kernel!r}, n_neighbors={self.n_neighbors})"
+
+    def _settings(self) -> Settings:
+        settings = self.preset if isinstance(self.preset, Settings) else load_settings(self.preset)
+        if self.kernel != "auto":
+            settings = replace(settings, classify=replace(settings.classify, kernel=self.kernel))
+        return settings
+
+    def _chain(self) -> Chain:
+        return Chain.from_settings(self._settings())
+
+    def _k(self) -> int:
+        return self._settings().classify.neighbors if self.n_neighbors is None else self.n_neighbors
+
+    def _rejection(self, settings: Settings) -> float | str | None:
+        if self.reject is None:
+            if settings.classify.reject is not None:
+                return settings.classify.reject
+            return None if settings.classify.reject_sd is None else "calibrated"
+        if isinstance(self.reject, str):
+            if self.reject != "calibrated":
+                raise ConfigError(
+                    f"reject={self.reject!r}", remedy="a distance or 'calibrated'", code="E_REJECT"
+                )
+            return "calibrated"
+        return float(self.reject)
+
+    def _distances(
+        self, queries: Sequence[Signals | np.ndarray], examples: Sequence[Signals | np.ndarray]
+    ) -> np.ndarray:
+        from gesture_core.dtw.distances import warping_distances
+
+        settings = self._settings()
+        spec: DtwSpec = settings.dtw
+        return warping_distances(queries, examples, spec=spec, kernel=settings.classify.kernel)
+
+    def _check_fitted(self) -> None:
+        if not hasattr(self, "library_"):
+            raise InputError(
+                "the classifier has no examples yet", remedy="fit(X, y) first", code="E_EXAMPLES"
+            )

@@ -1,0 +1,53 @@
+"""When the nearest example is still too far away to lend its label."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gesture_core.errors import ConfigError
+
+
+def calibrated_thresholds(within: np.ndarray, codes: np.ndarray, classes: int, sd: float) -> np.ndarray:
+    """A threshold for each class from the distances among its examples.
+
+    Each example is left out once and its distance to the nearest other example of its class is
+    taken: the same quantity that a query of the class will have. The threshold is their mean plus
+    ``sd`` standard deviations (Gillian, Knapp and O'Modhrain 2011). A class with fewer than three
+    examples has no deviation of its own and takes the threshold of all classes together.
+
+    Parameters
+    ----------
+    within : (N, N) float array
+        Distances among the examples; the diagonal is ignored.
+    codes : (N,) int array
+        Class of each example.
+    classes : int
+    sd : float
+        Standard deviations above the mean; may be negative.
+
+    Returns
+    -------
+    (classes,) float array
+
+    Raises
+    ------
+    ConfigError
+        E_REJECT where no class has two examples that can be compared.
+    """
+    own = np.where(np.isnan(within), np.inf, within).astype(np.float64)
+    own = np.where(codes[:, None] == codes[None, :], own, np.inf)
+    np.fill_diagonal(own, np.inf)
+    nearest = own.min(axis=1) if own.size else np.empty(0)
+    known = np.isfinite(nearest)
+    if not known.any():
+        raise ConfigError(
+            "a rejection threshold cannot be calibrated: no class has two examples",
+            remedy="two examples of a class at least (better three of each), or classify.reject=<distance>",
+            code="E_REJECT",
+        )
+    thresholds = np.full(classes, nearest[known].mean() + sd * nearest[known].std())
+    for code in range(classes):
+        mine = nearest[known & (codes == code)]
+        if len(mine) >= 3:
+            thresholds[code] = mine.mean() + sd * mine.std()
+    return thresholds
