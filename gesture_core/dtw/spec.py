@@ -3,14 +3,43 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from gesture_core.errors import ConfigError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 Mode = Literal["independent", "dependent"]
 Cost = Literal["absolute", "squared", "euclidean"]
 Reduce = Literal["sum", "mean"]
 Shape = Literal["sakoe_chiba", "itakura"]
+
+
+@dataclass(frozen=True)
+class BandMask:
+    """A band as a boolean array, hashable; rows are the query's frames.
+
+    Fits learned bands (Ratanamahatana and Keogh 2004). Make one with `BandMask.of`.
+    """
+
+    rows: tuple[bytes, ...]
+
+    @classmethod
+    def of(cls, cells: Any) -> BandMask:
+        """The mask of a boolean (n, m) array."""
+        import numpy as np
+
+        array = np.asarray(cells)
+        if array.ndim != 2 or array.dtype != bool or 0 in array.shape:
+            raise _wrong("mask", f"{array.dtype} array of shape {array.shape}", "a boolean (n, m) array")
+        return cls(tuple(row.tobytes() for row in array))
+
+    def array(self) -> np.ndarray:
+        """(n, m) bool."""
+        import numpy as np
+
+        return np.frombuffer(b"".join(self.rows), bool).reshape(len(self.rows), -1)
 
 
 @dataclass(frozen=True)
@@ -44,7 +73,10 @@ class DtwSpec:
     gamma : None or float
         Softness (Cuturi and Blondel 2017); None is hard DTW.
     weights : None or tuple of D floats
-        Non-negative factor of each dimension's local cost (Reyes et al. 2011).
+        Non-negative factor of each dimension's local cost (Reyes et al. 2011); inside the root of
+        a Euclidean one in dependent mode.
+    mask : None, BandMask or boolean (n, m) array
+        Cells that a path may visit; stretched to pairs of other lengths.
     """
 
     mode: Mode = "independent"
@@ -57,6 +89,7 @@ class DtwSpec:
     max_slope: float = 2.0
     gamma: float | None = None
     weights: tuple[float, ...] | None = None
+    mask: BandMask | None = None
 
     def __post_init__(self) -> None:
         _one_of("mode", self.mode, ("independent", "dependent"))
@@ -83,6 +116,11 @@ class DtwSpec:
             object.__setattr__(self, "weights", tuple(float(w) for w in self.weights))
             if not all(0 <= w < float("inf") for w in self.weights):
                 raise _wrong("weights", self.weights, "non-negative finite numbers")
+        if self.mask is not None:
+            if not isinstance(self.mask, BandMask):
+                object.__setattr__(self, "mask", BandMask.of(self.mask))
+            if self.window is not None or self.shape != "sakoe_chiba":
+                raise ConfigError("dtw.mask with another band: choose one of them", code="E_OPTION")
 
     def replace(self, **changes: object) -> DtwSpec:
         """The same specification with other choices."""

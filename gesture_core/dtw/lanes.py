@@ -1,0 +1,276 @@
+"""Batches as lanes: many warpings side by side, one in each lane of the last axis.
+
+Nothing shifts between lanes, so that a warping's bits do not depend on its neighbours. A kernel
+that derives from `LaneKernel` writes one method, `warp`; pairing, masks, weights, bands, padding,
+tiling, norms and the reduction over dimensions are done here.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gesture_core.dtw.bands import allowed_cells, has_holes, is_banded, row_bounds
+from gesture_core.dtw.spec import DtwSpec
+from gesture_core.types import SignalBatch
+
+PAIRS_IN_FLIGHT = 1 << 17
+"""Upper limit of lanes (independent) or of pairs times dimensions (dependent) planned at once."""
+
+
+def far(dtype: np.dtype) -> float:
+    """The padding value: two padded frames cost nothing, a padded and a real one cost more than any path."""
+    return 1e18 if dtype == np.float32 else 1e140
+
+
+@dataclass(frozen=True, eq=False)
+class Lanes:
+    """P warpings: lane p warps ``x[:n[p], :, p]`` with ``y[:m[p], :, p]``.
+
+    Attributes
+    ----------
+    x, y : (n_max, C, P) and (m_max, C, P) float
+        C dimensions that are warped together; `far` beyond each lane's length.
+    n, m : (P,) int64
+    low, high : (n_max, P) int32 or None
+        The band: first column and column past the last of each row.
+    cells : (n_max, m_max, P) bool or None
+        The band as cells, only where it has holes.
+    gamma : (P,) float or None
+        Softness; None is hard.
+    cost : str
+        ``"absolute"``, ``"squared"`` or ``"euclidean"``, over the C dimensions.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    n: np.ndarray
+    m: np.ndarray
+    low: np.ndarray | None
+    high: np.ndarray | None
+    cells: np.ndarray | None
+    gamma: np.ndarray | None
+    cost: str
+
+    def __len__(self) -> int:
+        return len(self.n)
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A batch, weighted and turned so that frames come first.
+
+    Attributes
+    ----------
+    frames : (T, D, B) float
+        `far` beyond each length.
+    lengths : (B,) int64
+    masks, present : (B, D) bool
+    """
+
+    frames: np.ndarray
+    lengths: np.ndarray
+    masks: np.ndarray
+    present: np.ndarray
+
+    @classmethod
+    def of(cls, batch: SignalBatch, spec: DtwSpec) -> Series:
+        """Turn ``batch``; a dimension's weight becomes a factor of its values."""
+        values = weighted(batch.values, spec)
+        beyond = np.arange(values.shape[1])[None, :] >= batch.lengths[:, None]
+        values = np.where(beyond[:, :, None], np.asarray(far(values.dtype), values.dtype), values)
+        frames = np.ascontiguousarray(values.transpose(1, 2, 0))
+        return cls(frames, batch.lengths, batch.masks, batch.present)
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What `LaneKernel.prepare` keeps of the examples."""
+
+    examples: Series
+    spec: DtwSpec
+
+
+def weighted(values: np.ndarray, spec: DtwSpec) -> np.ndarray:
+    """``values`` scaled so that an unweighted cost of them is the weighted cost of the originals."""
+    if spec.weights is None:
+        return values
+    factors = np.array(spec.weights)
+    if lane_cost(spec) != "absolute":
+        factors = np.sqrt(factors)
+    return values * factors.astype(values.dtype)
+
+
+def lane_cost(spec: DtwSpec) -> str:
+    """The cost over the dimensions of one lane; over a single dimension Euclidean is absolute."""
+    return "absolute" if spec.mode == "independent" and spec.cost == "euclidean" else spec.cost
+
+
+def used_dimensions(
+    queries: Series | SignalBatch, examples: Series | SignalBatch, qi: np.ndarray, ei: np.ndarray
+) -> np.ndarray:
+    """(K, D) bool: the dimensions that each of K pairs is compared on."""
+    salient = queries.masks[qi] | examples.masks[ei]
+    return salient & queries.present[qi] & examples.present[ei]
+
+
+def mean_factor(count: np.ndarray, spec: DtwSpec) -> np.ndarray:
+    """What dividing a dependent lane's cost sums by ``count`` dimensions does to its accumulated cost."""
+    count = np.maximum(count, 1)
+    return 1 / np.sqrt(count) if spec.cost == "euclidean" else 1 / count
+
+
+def finish(values: np.ndarray, n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> np.ndarray:
+    """Norm and root of accumulated costs, in float64."""
+    values = values.astype(np.float64)
+    if spec.length_norm:
+        values = values / (n + m)
+    return np.sqrt(values) if spec.root else values
+
+
+class LaneKernel(ABC):
+    """A distance kernel that computes lanes."""
+
+    lane_cells = 1 << 22
+    """Upper limit of frames times dimensions times lanes of one side of a tile."""
+    lane_count = 4096
+    """Upper limit of lanes in a tile."""
+    rows_step = 16
+    """Lanes whose lengths fall into the same multiple of this share tiles."""
+
+    @abstractmethod
+    def warp(self, lanes: Lanes) -> np.ndarray:
+        """(P,) accumulated cost of each lane at its own last cell, before any norm or root."""
+
+    def supports(self, spec: DtwSpec) -> bool:
+        """Everything but masks with holes."""
+        return not has_holes(spec)
+
+    def prepare(self, examples: SignalBatch, spec: DtwSpec) -> Prepared:
+        """Turn the examples once."""
+        return Prepared(Series.of(examples, spec), spec)
+
+    def distances(self, state: Prepared, queries: SignalBatch) -> np.ndarray:
+        """(Q, N) distances in the dtype of the batches; infinity where no dimension is shared."""
+        series = Series.of(queries, state.spec)
+        count = len(state.examples.lengths)
+        out = np.empty(len(queries) * count, state.examples.frames.dtype)
+        order = np.argsort(series.lengths, kind="stable")
+        step = max(1, PAIRS_IN_FLIGHT // series.frames.shape[1])
+        for start in range(0, len(out), step):
+            flat = np.arange(start, min(start + step, len(out)))
+            qi, ei = order[flat // count], flat % count
+            out[qi * count + ei] = self._pairs(state, series, qi, ei)
+        return out.reshape(-1, count)
+
+    def pairs(
+        self, state: Prepared, queries: SignalBatch, query_index: np.ndarray, example_index: np.ndarray
+    ) -> np.ndarray:
+        """(K,) distances of chosen pairs, bitwise those of `distances`."""
+        series = Series.of(queries, state.spec)
+        out = np.empty(len(query_index), state.examples.frames.dtype)
+        step = max(1, PAIRS_IN_FLIGHT // series.frames.shape[1])
+        for start in range(0, len(out), step):
+            part = slice(start, start + step)
+            out[part] = self._pairs(state, series, query_index[part], example_index[part])
+        return out
+
+    def _pairs(self, state: Prepared, queries: Series, qi: np.ndarray, ei: np.ndarray) -> np.ndarray:
+        spec, examples = state.spec, state.examples
+        use = used_dimensions(queries, examples, qi, ei)
+        count = use.sum(axis=1)
+        if spec.mode == "dependent":
+            pair, dimension = np.flatnonzero(count), None
+        else:
+            pair, dimension = np.nonzero(use)
+        total = np.zeros(len(qi))
+        for tile in self._tiles(queries.lengths[qi[pair]], examples.lengths[ei[pair]], spec, queries):
+            rows = pair[tile]
+            lanes = _gather(
+                queries, examples, qi[rows], ei[rows], None if dimension is None else dimension[tile],
+                use[rows], spec,
+            )  # fmt: skip
+            values = self.warp(lanes).astype(np.float64)
+            if spec.mode == "dependent" and spec.reduce == "mean":
+                values *= mean_factor(count[rows], spec)
+            # In the order of the dimensions, one addition at a time: no tile's border shows in the sum.
+            np.add.at(total, rows, finish(values, lanes.n, lanes.m, spec))
+        if spec.mode == "independent" and spec.reduce == "mean":
+            total /= np.maximum(count, 1)
+        total[count == 0] = np.inf
+        return total
+
+    def _tiles(self, n: np.ndarray, m: np.ndarray, spec: DtwSpec, queries: Series) -> Iterator[np.ndarray]:
+        """Index arrays of lanes that travel together: similar lengths, at most a tile's size."""
+        width = 1 if spec.mode == "independent" else queries.frames.shape[1]
+        key_n, key_m = (n - 1) // self.rows_step, (m - 1) // self.rows_step
+        order = np.lexsort((key_m, key_n))
+        key_n, key_m = key_n[order], key_m[order]
+        borders = np.flatnonzero((np.diff(key_n) != 0) | (np.diff(key_m) != 0)) + 1
+        for group in np.split(order, borders):
+            if len(group) == 0:
+                continue
+            frames = int(max(n[group].max(), m[group].max()))
+            size = min(self.lane_count, max(1, self.lane_cells // (frames * width)))
+            for start in range(0, len(group), size):
+                yield group[start : start + size]
+
+
+def _gather(
+    queries: Series,
+    examples: Series,
+    qi: np.ndarray,
+    ei: np.ndarray,
+    dimension: np.ndarray | None,
+    use: np.ndarray,
+    spec: DtwSpec,
+) -> Lanes:
+    """The lanes of pairs ``qi``, ``ei``: one dimension each, or all used ones together."""
+    n, m = queries.lengths[qi], examples.lengths[ei]
+    x, y = (
+        _columns(series.frames[: int(length.max())], index, dimension)
+        for series, index, length in ((queries, qi, n), (examples, ei, m))
+    )
+    gamma = None if spec.gamma is None else np.full(len(qi), spec.gamma)
+    if dimension is None and not use.all():
+        factor = use.T.astype(x.dtype)
+        x, y = x * factor, y * factor
+    if dimension is None and gamma is not None and spec.reduce == "mean":
+        gamma = gamma / mean_factor(use.sum(axis=1), spec)
+    low = high = cells = None
+    if has_holes(spec):
+        cells = _cells(n, m, spec)
+    elif is_banded(spec):
+        low, high = _bounds(n, m, spec)
+    softness = None if gamma is None else gamma.astype(x.dtype)
+    return Lanes(x, y, n, m, low, high, cells, softness, lane_cost(spec))
+
+
+def _columns(frames: np.ndarray, index: np.ndarray, dimension: np.ndarray | None) -> np.ndarray:
+    """(T, C, P) from (T, D, B)."""
+    if dimension is None:
+        return frames.take(index, axis=2)
+    length, _, count = frames.shape
+    return frames.reshape(length, -1).take(dimension * count + index, axis=1)[:, None, :]
+
+
+def _bounds(n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> tuple[np.ndarray, np.ndarray]:
+    """(n_max, P) first columns and columns past the last; rows beyond a lane's length are unbounded."""
+    lengths, lane = np.unique(np.stack([n, m]), axis=1, return_inverse=True)
+    low = np.zeros((int(n.max()), lengths.shape[1]), np.int32)
+    high = np.full_like(low, int(m.max()))
+    for column, (rows, columns) in enumerate(lengths.T.tolist()):
+        low[:rows, column], high[:rows, column] = row_bounds(rows, columns, spec)
+    lane = lane.reshape(-1)
+    return low.take(lane, axis=1), high.take(lane, axis=1)
+
+
+def _cells(n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> np.ndarray:
+    """(n_max, m_max, P) cells of a band with holes; all of them beyond a lane's lengths."""
+    cells = np.ones((int(n.max()), int(m.max()), len(n)), bool)
+    for lane, (rows, columns) in enumerate(zip(n.tolist(), m.tolist(), strict=True)):
+        cells[:rows, :columns, lane] = allowed_cells(rows, columns, spec)
+    return cells
