@@ -1,0 +1,221 @@
+"""Decoding with OpenCV: the built-in fallback where PyAV is not installed.
+
+OpenCV says "no more frames" at a damaged packet exactly as at the end, so this reader asks again a
+few times, and compares what came with what the header promised where the promise is believable.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from gesture_core.errors import MediaError
+from gesture_core.media.info import Ledger, MediaInfo
+from gesture_core.media.limits import Limits
+from gesture_core.media.sniff import CONTAINERS, printable
+from gesture_core.media.upright import quarter_turns
+
+# Reads after a refused one before it counts as the end of the file.
+_RETRIES = 16
+# Containers with a table of samples; elsewhere OpenCV's frame count is duration times rate.
+_EXACT_COUNTS = frozenset({"mov", "avi", "gif"})
+_MIN_BYTES_PER_FRAME = 8
+_MAX_FPS = 500.0
+_OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
+
+
+class OpenCvSource:
+    """The frames of one open file, as stored, with their time stamps.
+
+    Parameters and errors are those of `PyAvSource`. Mirrored display matrices are not seen, and damage
+    only in so far as frames are missing from a believable count.
+    """
+
+    name = "opencv"
+
+    def __init__(
+        self,
+        file: BinaryIO,
+        path: str | os.PathLike[str],
+        container: str,
+        limits: Limits,
+        ledger: Ledger,
+    ) -> None:
+        self._subject = printable(path)
+        self._limits = limits
+        self._ledger = ledger
+        self._container = container
+        self._size = os.fstat(file.fileno()).st_size
+        self._count = 0
+        self._capture = _capture(file, path)
+        try:
+            if not self._capture.isOpened():
+                raise self._error(
+                    "OpenCV finds no video stream that it can decode",
+                    "E_MEDIA_BROKEN",
+                    "pip install 'gesture-core[video]', whose reader names the cause",
+                )
+            self._first = self._open()
+            self.info = self._describe(self._first[1])
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self) -> tuple[float | None, np.ndarray]:
+        import cv2
+
+        self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        self._check_size(self._get(cv2.CAP_PROP_FRAME_WIDTH), self._get(cv2.CAP_PROP_FRAME_HEIGHT))
+        first = self._next()
+        if first is None:
+            raise self._error(
+                "holds a video stream, but not one frame of it decodes",
+                "E_MEDIA_NO_FRAMES",
+                "copy it again from where it came",
+            )
+        return first
+
+    def _describe(self, first: np.ndarray) -> MediaInfo:
+        import cv2
+
+        rotation = quarter_turns(self._get(cv2.CAP_PROP_ORIENTATION_META))
+        height, width = first.shape[:2]
+        if rotation % 180:
+            width, height = height, width
+        fps = self._get(cv2.CAP_PROP_FPS)
+        return MediaInfo(
+            width=width,
+            height=height,
+            frames_declared=self._declared(),
+            fps=fps if 0 < fps <= _MAX_FPS else None,
+            rotation=rotation,
+            codec=_fourcc(self._get(cv2.CAP_PROP_FOURCC)),
+            container=self._container,
+            reader=self.name,
+        )
+
+    def _declared(self) -> int | None:
+        """The header's frame count where rate and file size make it believable."""
+        import cv2
+
+        count, fps = self._get(cv2.CAP_PROP_FRAME_COUNT), self._get(cv2.CAP_PROP_FPS)
+        believable = (
+            0 < count <= self._limits.max_frames
+            and 0 < fps <= _MAX_FPS
+            and count * _MIN_BYTES_PER_FRAME <= self._size
+        )
+        return int(count) if believable else None
+
+    def __iter__(self) -> Iterator[tuple[float | None, np.ndarray]]:
+        yield self._first
+        while (item := self._next()) is not None:
+            self._count += 1
+            yield item
+        self._settle(self._count + 1)
+
+    def close(self) -> None:
+        """Release the decoder."""
+        self._capture.release()
+
+    def _next(self) -> tuple[float | None, np.ndarray] | None:
+        import cv2
+
+        for attempt in range(_RETRIES):
+            try:
+                found, frame = self._capture.read()
+            except (cv2.error, MemoryError) as error:
+                raise self._error(
+                    f"cannot be decoded: {error}", "E_MEDIA_BROKEN", "copy it again from where it came"
+                ) from error
+            if found and frame is not None:
+                if attempt:
+                    self._ledger.damage("packet that OpenCV could not decode")
+                self._check_size(frame.shape[1], frame.shape[0])
+                stamp = self._get(cv2.CAP_PROP_POS_MSEC) / 1000
+                return (stamp if abs(stamp) < 1e12 else None), _three_channels(frame)
+        return None
+
+    def _settle(self, count: int) -> None:
+        declared = self.info.frames_declared
+        if declared is None:
+            self._ledger.note(
+                "the header holds no believable frame count; this reader cannot tell whether frames are lost"
+            )
+            return
+        absent = declared - count
+        # Rounding, and sound that runs on after the picture, make an estimated count too high.
+        tolerance = 0 if self._container in _EXACT_COUNTS else max(2, declared // 20)
+        if absent > tolerance:
+            self._ledger.damage(f"{absent} of {declared} declared frames did not come", absent)
+
+    def _check_size(self, width: float, height: float) -> None:
+        if width * height > self._limits.max_pixels:
+            raise self._error(
+                f"its frames of {width:g} x {height:g} pixels exceed the limit of {self._limits.max_pixels}",
+                "E_MEDIA_LIMIT",
+                "raise limits.max_pixels",
+            )
+
+    def _get(self, prop: int) -> float:
+        value = float(self._capture.get(prop))
+        return value if np.isfinite(value) else 0.0
+
+    def _error(self, cause: str, code: str, remedy: str) -> MediaError:
+        return MediaError(cause, subject=self._subject, remedy=remedy, code=code)
+
+
+def _capture(file: BinaryIO, path: str | os.PathLike[str]) -> Any:
+    import cv2
+
+    # By descriptor: OpenCV dies of a file name that is not UTF-8, and FFmpeg reads "a:b" as a protocol.
+    if sys.platform.startswith("linux"):
+        name = f"/proc/self/fd/{file.fileno()}"
+    elif os.name == "posix":
+        name = f"/dev/fd/{file.fileno()}"
+    else:
+        name = os.path.abspath(os.fsdecode(path))  # noqa: PTH100 - the file need not be resolved
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        with _restricted():
+            return cv2.VideoCapture(name, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+
+
+@contextmanager
+def _restricted() -> Iterator[None]:
+    """Let FFmpeg inside OpenCV open the listed containers from plain files, and nothing else.
+
+    OpenCV takes FFmpeg's options from the environment only; what the user has set there stays and
+    is followed by the restriction.
+    """
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    before = os.environ.get(_OPTIONS)
+    demuxers = ",".join(CONTAINERS)
+    ours = f"format_whitelist;{demuxers}|protocol_whitelist;file"
+    os.environ[_OPTIONS] = f"{before}|{ours}" if before else ours
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_OPTIONS]
+        else:
+            os.environ[_OPTIONS] = before
+
+
+def _fourcc(value: float) -> str:
+    code = int(value) & 0xFFFFFFFF
+    text = code.to_bytes(4, "little").decode("ascii", "replace").strip("\0 ")
+    return text if text.isprintable() else ""
+
+
+def _three_channels(frame: np.ndarray) -> np.ndarray:
+    if frame.ndim == 2:
+        return np.repeat(frame[..., None], 3, axis=2)
+    return frame[..., :3]

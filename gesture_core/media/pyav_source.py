@@ -1,0 +1,327 @@
+"""Decoding with PyAV: real time stamps, rotation and mirroring, and an honest account of damage.
+
+What counts as damage: packets that the demuxer marks corrupt, errors that the demuxer or the decoder
+raises or logs, frames that the decoder marks as concealed, packets that the sample table promises and
+the file lacks, and packets from which no frame came.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, BinaryIO, NoReturn
+
+import numpy as np
+
+from gesture_core.errors import MediaError
+from gesture_core.media.info import Ledger, MediaInfo
+from gesture_core.media.limits import Limits
+from gesture_core.media.sniff import printable
+from gesture_core.media.upright import quarter_turns
+
+# A demuxer that fails this often in a row has lost its place for good.
+_MAX_DEMUX_ERRORS = 32
+_levels: list[Any] = []
+_levels_lock = threading.Lock()
+
+
+class PyAvSource:
+    """The frames of one open file, as stored, with their time stamps.
+
+    Parameters
+    ----------
+    file : binary file
+        Open and at its start; the caller closes it.
+    path : path
+        Named in errors.
+    container : str
+        FFmpeg's demuxer, from `sniff.container_of`.
+    limits : Limits
+    ledger : Ledger
+        Receives damage and notes.
+
+    Raises
+    ------
+    MediaError
+        `E_MEDIA_BROKEN`, `E_MEDIA_NO_VIDEO`, `E_MEDIA_CODEC`, `E_MEDIA_NO_FRAMES`, `E_MEDIA_LIMIT`.
+    """
+
+    name = "pyav"
+
+    def __init__(
+        self,
+        file: BinaryIO,
+        path: str | os.PathLike[str],
+        container: str,
+        limits: Limits,
+        ledger: Ledger,
+    ) -> None:
+        self._subject = printable(path)
+        self._limits = limits
+        self._ledger = ledger
+        self._tally = _Tally()
+        self._listening = True
+        _listen()
+        try:
+            self._open(file, container)
+            self._frames = self._decode()
+            self._first = next(self._frames, None)
+            if self._first is None:
+                raise self._error(
+                    "holds a video stream, but not one frame of it decodes",
+                    "E_MEDIA_NO_FRAMES",
+                    "copy it again from where it came",
+                )
+            self.info = self._describe(self._first, container)
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, file: BinaryIO, container: str) -> None:
+        import av
+
+        self._container: Any = None
+        with self._heard(fatal=True):
+            self._container = av.open(
+                file,
+                "r",
+                format=container,
+                metadata_errors="replace",
+                io_open=_refuse,
+                options={"max_pixels": str(self._limits.max_pixels)},
+                container_options={"max_streams": str(self._limits.max_streams)},
+            )
+            self._stream: Any = self._container.streams.best("video")
+        if self._stream is None or self._stream.disposition & av.stream.Disposition.attached_pic:
+            kinds = sorted({stream.type for stream in self._container.streams})
+            raise self._error(
+                f"holds no video stream ({', '.join(kinds) or 'nothing at all'})",
+                "E_MEDIA_NO_VIDEO",
+                "leave it out",
+            )
+        context = self._stream.codec_context
+        self._check_size(context.width, context.height)
+        # One thread: errors belong to the packet at hand, and logs arrive on this thread.
+        context.thread_count = 1
+        context.thread_type = "NONE"
+
+    def _describe(self, first: Any, container: str) -> MediaInfo:
+        stream = self._stream
+        rotation, mirrored = _orientation(first)
+        rate = stream.average_rate or stream.guessed_rate
+        width, height = first.width, first.height
+        if rotation % 180:
+            width, height = height, width
+        return MediaInfo(
+            width=width,
+            height=height,
+            frames_declared=self._declared(),
+            fps=float(rate) if rate and 0 < rate <= 1000 else None,
+            rotation=rotation,
+            codec=stream.codec_context.codec.canonical_name,
+            container=container,
+            reader=self.name,
+            mirrored=mirrored,
+        )
+
+    def _declared(self) -> int | None:
+        frames = self._stream.frames
+        return frames if 0 < frames <= self._limits.max_frames else None
+
+    def __iter__(self) -> Iterator[tuple[float | None, np.ndarray]]:
+        first, self._first = self._first, None
+        if first is not None:
+            yield self._stamp(first), self._picture(first)
+        for frame in self._frames:
+            yield self._stamp(frame), self._picture(frame)
+        self._settle()
+
+    def close(self) -> None:
+        """Release the decoder."""
+        container, self._container = getattr(self, "_container", None), None
+        if container is not None:
+            container.close()
+        if self._listening:
+            self._listening = False
+            _unlisten()
+
+    def _stamp(self, frame: Any) -> float | None:
+        if frame.pts is None:
+            return None
+        base = frame.time_base or self._stream.time_base
+        return float((frame.pts - (self._stream.start_time or 0)) * base)
+
+    def _picture(self, frame: Any) -> np.ndarray:
+        self._check_size(frame.width, frame.height)
+        # Bicubic as in OpenCV, so that the two readers give the same picture.
+        with self._heard(fatal=True):
+            picture: np.ndarray = frame.to_ndarray(format="bgr24", interpolation="BICUBIC")
+        return picture
+
+    def _decode(self) -> Iterator[Any]:
+        context = self._stream.codec_context
+        for packet in self._packets():
+            yield from self._step(context, packet)
+        yield from self._step(context, None)
+
+    def _packets(self) -> Iterator[Any]:
+        failures = 0
+        while failures < _MAX_DEMUX_ERRORS:
+            before = self._tally.packets
+            packets = self._container.demux(self._stream)
+            while True:
+                with self._heard() as step:
+                    packet = next(packets, None)
+                if step.failed:
+                    break
+                if packet is None:
+                    return
+                if packet.size == 0:
+                    # The demuxer ends with one; inside a file it means "the last picture again".
+                    self._tally.empty += packet.dts is not None
+                    continue
+                self._tally.packets += 1
+                self._tally.hidden += packet.is_discard or self._invisible(packet)
+                yield packet
+            failures = 0 if self._tally.packets > before else failures + 1
+
+    def _invisible(self, packet: Any) -> bool:
+        """Whether a VP8 packet only refreshes a reference picture (RFC 6386, section 9.1: show_frame)."""
+        if self._stream.codec_context.codec.canonical_name != "vp8":
+            return False
+        return not bytes(memoryview(packet)[:1])[0] & 0x10
+
+    def _step(self, context: Any, packet: Any) -> list[Any]:
+        frames: list[Any] = []
+        with self._heard() as step:
+            frames = context.decode(packet)
+            if packet is not None and packet.is_corrupt:
+                step.damage("corrupt packet")
+            if any(frame.is_corrupt for frame in frames):
+                step.damage("frame with damaged parts")
+        if step.failed and packet is not None:
+            self._tally.refused += 1
+        self._tally.frames += len(frames)
+        return frames
+
+    def _settle(self) -> None:
+        """Compare what came with what was promised, once the file has ended."""
+        tally = self._tally
+        declared = self._declared() or 0
+        absent = declared - tally.packets - tally.empty
+        if absent > 0:
+            self._ledger.damage(f"{absent} of {declared} declared frames are not in the file", absent)
+        silent = tally.packets - tally.hidden - tally.refused - tally.frames
+        if silent > 0:
+            self._ledger.damage(f"{silent} packets gave no frame", silent)
+
+    def _check_size(self, width: int, height: int) -> None:
+        if width * height > self._limits.max_pixels:
+            raise self._error(
+                f"its frames of {width} x {height} pixels exceed the limit of {self._limits.max_pixels}",
+                "E_MEDIA_LIMIT",
+                "raise limits.max_pixels",
+            )
+
+    @contextmanager
+    def _heard(self, fatal: bool = False) -> Iterator[_Step]:
+        """Run one call into FFmpeg; what it raises and logs becomes at most one count of damage."""
+        import av
+
+        step = _Step()
+        with av.logging.Capture() as logs:
+            try:
+                yield step
+            except av.error.DecoderNotFoundError as error:
+                raise self._error("no decoder for its codec", "E_MEDIA_CODEC", "re-encode it") from error
+            except (av.error.FFmpegError, ValueError, OverflowError, ArithmeticError) as error:
+                if fatal:
+                    self._broken(error)
+                step.failed = True
+                step.damage(_cause(error))
+        for level, _, message in logs:
+            if level <= av.logging.ERROR:
+                step.damage(" ".join(message.split()))
+        if step.clause:
+            self._ledger.damage(step.clause)
+
+    def _broken(self, error: Exception) -> NoReturn:
+        raise self._error(
+            f"cannot be decoded: {_cause(error)}", "E_MEDIA_BROKEN", "copy it again from where it came"
+        ) from error
+
+    def _error(self, cause: str, code: str, remedy: str) -> MediaError:
+        return MediaError(cause, subject=self._subject, remedy=remedy, code=code)
+
+
+class _Tally:
+    """Counts of what passed through the demuxer and the decoder."""
+
+    def __init__(self) -> None:
+        self.packets = 0
+        self.empty = 0
+        self.hidden = 0
+        self.refused = 0
+        self.frames = 0
+
+
+class _Step:
+    """One call into FFmpeg: whether it failed, and the first sign of damage."""
+
+    def __init__(self) -> None:
+        self.failed = False
+        self.clause = ""
+
+    def damage(self, clause: str) -> None:
+        self.clause = self.clause or clause
+
+
+def _cause(error: Exception) -> str:
+    return (getattr(error, "strerror", None) or str(error) or type(error).__name__).rstrip(".")
+
+
+def _refuse(url: str, flags: int, options: Any) -> NoReturn:
+    raise PermissionError(f"a media file may not open {url!r}")
+
+
+def _orientation(frame: Any) -> tuple[int, bool]:
+    """Clockwise rotation and mirroring from the display matrix (ISO 14496-12, section 8.2.2)."""
+    matrix = _display_matrix(frame)
+    if matrix is None:
+        return quarter_turns(-frame.rotation), False
+    a, b, c, d = matrix
+    if a * d - b * c < 0:
+        return quarter_turns(math.degrees(math.atan2(b, d))), True
+    return quarter_turns(math.degrees(math.atan2(b, a))), False
+
+
+def _display_matrix(frame: Any) -> tuple[float, float, float, float] | None:
+    for index in range(len(frame.side_data)):
+        item = frame.side_data[index]
+        if item.type.name == "DISPLAYMATRIX":
+            values = np.frombuffer(bytes(item), np.int32, 9) / 65536
+            return float(values[0]), float(values[1]), float(values[3]), float(values[4])
+    return None
+
+
+def _listen() -> None:
+    """Let FFmpeg's errors reach `av.logging.Capture` while any source is open."""
+    import av
+
+    with _levels_lock:
+        _levels.append(av.logging.get_level())
+        if _levels[-1] is None or _levels[-1] < av.logging.ERROR:
+            av.logging.set_level(av.logging.ERROR)
+
+
+def _unlisten() -> None:
+    import av
+
+    with _levels_lock:
+        first = _levels[0]
+        _levels.pop()
+        if not _levels:
+            av.logging.set_level(first)
