@@ -8,6 +8,6 @@ def register_pose_backends(register: Register) -> None:
     register(
         "onnx",
         "gesture_pose_onnx.backend:OnnxBackend",
-        needs=("onnxruntime",),
+        needs=("onnxruntime", "cv2"),
         summary="pose networks in ONNX, run by onnxruntime",
     )

@@ -1,0 +1,112 @@
+"""What a pose network expects and what it gives: the facts that no model file states by itself.
+
+The numbers of a contract come from the publisher of a network (`known_models.toml`) or are read off
+the file (`gesture_core.pose.layouts`). Everything between a frame and its keypoints follows from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from gesture_core.errors import ModelError
+from gesture_core.skeletons import SKELETONS
+
+LAYOUTS = ("openpose", "movenet", "simcc", "yolo-pose")
+"""Forms of output that there are decoders for (`gesture_core.pose.decode`)."""
+
+
+@dataclass(frozen=True)
+class ModelContract:
+    """Input and output of one pose network.
+
+    Attributes
+    ----------
+    layout : str
+        One of `LAYOUTS`.
+    skeleton : str
+        A key of `gesture_core.skeletons.SKELETONS`: the joints, in the order of the output.
+    colour : str
+        ``bgr`` or ``rgb``.
+    mean, scale : three floats each
+        The network is fed ``(pixel - mean) * scale``, pixel in 0..255, in the order of `colour`.
+    pad : int
+        Grey level of the border that letterboxing adds.
+    dtype : str
+        ``float32``, ``uint8`` or ``int32``.
+    channels_first : bool
+        (N, 3, H, W) rather than (N, H, W, 3).
+    input_size : (height, width) or None
+        Pixels where the network takes one size only; None where it takes any multiple of `multiple`.
+    multiple : int
+        Of the height and the width of a free input.
+    default_size : int
+        Height in pixels of a free input unless the user sets one.
+    stride : int
+        Input pixels for each cell of a heat map.
+    batch : int or None
+        Pictures in one run where the file fixes it.
+    follow : bool
+        Whether a crop that follows the person pays: small inputs, single-person networks.
+    licence, attribution : str
+        Of the weights.
+    """
+
+    layout: str
+    skeleton: str = "coco18"
+    colour: str = "bgr"
+    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    pad: int = 128
+    dtype: str = "float32"
+    channels_first: bool = True
+    input_size: tuple[int, int] | None = None
+    multiple: int = 8
+    default_size: int = 368
+    stride: int = 8
+    batch: int | None = None
+    follow: bool = False
+    licence: str = ""
+    attribution: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("mean", "scale", "input_size"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, tuple(value))
+        _one_of("layout", self.layout, LAYOUTS)
+        _one_of("skeleton", self.skeleton, tuple(SKELETONS))
+        _one_of("colour", self.colour, ("bgr", "rgb"))
+        _one_of("dtype", self.dtype, ("float32", "uint8", "int32"))
+        if len(self.mean) != 3 or len(self.scale) != 3:
+            raise ModelError("mean and scale of a contract have three numbers each", code="E_MODEL_CONTRACT")
+        sizes = (*(self.input_size or (1, 1)), self.multiple, self.default_size, self.stride)
+        if any(not 1 <= size <= 4096 for size in sizes):
+            raise ModelError(f"sizes {sizes} of a contract are not within 1..4096", code="E_MODEL_CONTRACT")
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], subject: str = "") -> ModelContract:
+        """A contract from a TOML or JSON table; unknown keys are an error, not ignored."""
+        known = {field.name for field in fields(cls)}
+        strange = sorted(set(table) - known)
+        if strange:
+            raise ModelError(
+                f"a contract has no {', '.join(strange)}",
+                subject=subject,
+                remedy=f"one of {', '.join(sorted(known))}",
+                code="E_MODEL_CONTRACT",
+            )
+        try:
+            return cls(**table)
+        except TypeError as error:
+            raise ModelError(f"not a contract: {error}", subject=subject, code="E_MODEL_CONTRACT") from error
+
+
+def _one_of(name: str, value: object, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ModelError(
+            f"{name} {value!r} of a contract is unknown",
+            remedy=f"one of {', '.join(choices)}",
+            code="E_MODEL_CONTRACT",
+        )

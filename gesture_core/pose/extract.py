@@ -1,0 +1,108 @@
+"""Keypoints of a stream of frames, batch by batch; the video is never held as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gesture_core.plugin.kinds import PoseBackend
+from gesture_core.pose.tracks import Tracker
+from gesture_core.skeletons import skeleton
+from gesture_core.types import PoseSequence
+
+if TYPE_CHECKING:
+    from gesture_core.settings import Settings
+
+Frame = tuple[float, np.ndarray]
+
+
+def open_backend(settings: Settings) -> PoseBackend:
+    """The pose backend that the settings name, with its network loaded.
+
+    Raises
+    ------
+    GestureError
+        From the plugin registry, from `find_model`, or from loading the network.
+    """
+    from gesture_core.plugin import registry
+    from gesture_core.pose.models import find_model
+
+    pose = settings.pose
+    options = {"height": pose.height, "score": pose.score, **settings.plugin_options(pose.backend)}
+    backend: PoseBackend = registry().make("pose", pose.backend, options, model=find_model(pose.model))
+    return backend
+
+
+def extract_poses(
+    frames: Iterable[Frame],
+    backend: PoseBackend,
+    people: str = "single",
+    *,
+    follow: bool | None = None,
+    source: str = "",
+) -> list[PoseSequence]:
+    """The keypoints of everybody in a video.
+
+    Parameters
+    ----------
+    frames : iterable of (seconds, frame)
+        Frames (H, W, 3) uint8 in BGR, upright, times not descending; a
+        `gesture_core.media.reader.VideoReader` is one.
+    backend : PoseBackend
+    people : "single" or "multi"
+        One sequence with the most visible person of each frame, or one for each person tracked.
+    follow : bool, optional
+        Crop to the person and follow them; None lets the network's contract decide. Only with
+        ``people="single"``.
+    source : str
+        What to call the input.
+
+    Returns
+    -------
+    list of PoseSequence
+        Of ``"single"``, exactly one, as long as the video (NaN where nobody was found), none for no
+        frames. Of ``"multi"``, one for each track, the longest first.
+
+    Raises
+    ------
+    GestureError
+        Whatever the backend or the reader raises; no partial result is returned.
+    """
+    stream = iter(frames)
+    times: list[float] = []
+    size: tuple[int, int] | None = None
+    joints = len(skeleton(backend.skeleton).joints)
+    points: list[np.ndarray] = []
+    scores: list[np.ndarray] = []
+    tracker = Tracker(joints)
+    for batch in _batches(stream, backend.batch_size):
+        pictures = [frame for _, frame in batch]
+        times += [time for time, _ in batch]
+        if size is None:
+            size = pictures[0].shape[1], pictures[0].shape[0]
+        for found in backend.estimate(pictures, people):
+            if people == "multi":
+                tracker.add(found)
+            else:
+                points.append(found[0].keypoints if found else np.full((joints, 2), np.nan))
+                scores.append(found[0].scores if found else np.zeros(joints))
+    provenance = {"people": people, **getattr(backend, "provenance", {})}
+    at = np.array(times, np.float64)
+    if people == "multi":
+        return [
+            PoseSequence(p, s, at[first : first + len(p)], backend.skeleton, size, i, source, provenance)
+            for i, (first, p, s) in enumerate(tracker.tracks())
+        ]
+    if not times:
+        return []
+    return [
+        PoseSequence(np.stack(points), np.stack(scores), at, backend.skeleton, size, 0, source, provenance)
+    ]
+
+
+def _batches(stream: Iterator[Frame], size: int) -> Iterator[list[Frame]]:
+    while batch := list(islice(stream, size)):
+        yield batch

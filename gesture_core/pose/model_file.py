@@ -1,0 +1,74 @@
+"""A model file on disk: read once, bounded, hashed, and checked before any runtime sees it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from gesture_core.errors import ModelError
+from gesture_core.pose.contracts import ModelContract
+
+MAX_BYTES = 1 << 30
+"""No pose network that runs on a CPU at video speed is larger."""
+SUFFIXES = (".onnx", ".pb", ".caffemodel")
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """A pose network that was found.
+
+    Attributes
+    ----------
+    path : Path
+    sha256 : str
+        Of the file, 64 hexadecimal digits; with a Caffe network, of the weights.
+    name : str
+        Under which it is registered, or the file's own name.
+    contract : ModelContract or None
+        None where only running the network can tell (a TensorFlow or Caffe file of unknown origin).
+    """
+
+    path: Path
+    sha256: str
+    name: str
+    contract: ModelContract | None = None
+
+    def read(self) -> bytes:
+        """The bytes of the file, which are those that the hash was taken of.
+
+        Raises
+        ------
+        ModelError
+            ``E_MODEL_CHANGED`` where the file is not the one that was found.
+        """
+        data = read_bounded(self.path)
+        if hashlib.sha256(data).hexdigest() != self.sha256:
+            raise ModelError(
+                "the file changed after it was found",
+                subject=str(self.path),
+                remedy="'gesture models verify', or add it again",
+                code="E_MODEL_CHANGED",
+            )
+        return data
+
+    @property
+    def prototxt(self) -> Path:
+        """The description that stands beside Caffe weights."""
+        return self.path.with_suffix(".prototxt")
+
+
+def read_bounded(path: Path, limit: int = MAX_BYTES) -> bytes:
+    """The bytes of a regular file of at most `limit` bytes."""
+    try:
+        with path.open("rb") as stream:
+            if not path.is_file():
+                raise ModelError("not a regular file", subject=str(path), code="E_MODEL_FILE")
+            data = stream.read(limit + 1)
+    except OSError as error:
+        raise ModelError(
+            f"cannot be read: {error.strerror}", subject=str(path), code="E_MODEL_FILE"
+        ) from error
+    if len(data) > limit:
+        raise ModelError(f"larger than {limit >> 20} MiB", subject=str(path), code="E_MODEL_SIZE")
+    return data
