@@ -151,7 +151,7 @@ def open_video(
         Where `reader` is no reader.
     """
     limits = limits or Limits()
-    chosen = _choose(reader)
+    chosen = reader_name(reader)
     file = open_file(path)
     try:
         container = container_of(file, path)
@@ -177,7 +177,8 @@ def probe(path: str | os.PathLike[str], reader: str = "auto", limits: Limits | N
         return video.info
 
 
-def _choose(reader: str) -> str:
+def reader_name(reader: str) -> str:
+    """The reader that ``reader`` stands for on this machine: ``pyav`` or ``opencv``."""
     if reader not in READERS:
         raise ConfigError(f"no reader {reader!r}", remedy=f"one of {', '.join(READERS)}", code="E_OPTION")
     installed = importlib.util.find_spec("av") is not None

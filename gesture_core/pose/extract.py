@@ -19,8 +19,14 @@ if TYPE_CHECKING:
 Frame = tuple[float, np.ndarray]
 
 
-def open_backend(settings: Settings) -> PoseBackend:
+def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
     """The pose backend that the settings name, with its network loaded.
+
+    Parameters
+    ----------
+    settings : Settings
+    threads : int
+        Of the runtime; 0 leaves it to the runtime.
 
     Raises
     ------
@@ -31,7 +37,7 @@ def open_backend(settings: Settings) -> PoseBackend:
     from gesture_core.pose.models import find_model
 
     pose = settings.pose
-    options = {"height": pose.height, "score": pose.score, **settings.plugin_options(pose.backend)}
+    options = {"height": pose.height, "score": pose.score, "threads": threads, **settings.plugin_options(pose.backend)}
     backend: PoseBackend = registry().make("pose", pose.backend, options, model=find_model(pose.model))
     return backend
 
