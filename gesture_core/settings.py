@@ -195,6 +195,14 @@ def presets() -> tuple[str, ...]:
     return tuple(sorted(item.name[:-5] for item in folder.iterdir() if item.name.endswith(".toml")))
 
 
+def settings_from_dict(tree: Mapping[str, Any]) -> Settings:
+    """The inverse of `Settings.as_dict`."""
+    settings = Settings(options={plugin: dict(given) for plugin, given in tree.get("options", {}).items()})
+    for section in _SECTIONS:
+        settings = _change(settings, section, tree.get(section, {}), "settings")
+    return settings
+
+
 def load_settings(
     preset: str | Path | None = None,
     sets: Sequence[str] = (),
@@ -327,6 +335,8 @@ def _read(key: str, value: Any, hint: Any, origin: str) -> Any:
     if isinstance(value, str) and value.lower() in ("none", "") and type(None) in options:
         return None
     plain = value if hint is str else _toml_value(value)
+    if value is None and type(None) in options:
+        return None
     for option in (o for o in options if o is not type(None)):
         if getattr(option, "__origin__", None) is tuple:
             items = plain.split(",") if isinstance(plain, str) else plain
@@ -340,9 +350,15 @@ def _read(key: str, value: Any, hint: Any, origin: str) -> Any:
                 return float(plain)
         elif option is str and isinstance(value, str):
             return value
-        elif option in (int, bool) and type(plain) is option:
+        elif (option in (int, bool) and type(plain) is option) or plain in get_args(option):
             return plain
-        elif isinstance(plain, str) and plain in get_args(option):
-            return plain
-    wanted = " or ".join(getattr(o, "__name__", None) or str(o) for o in options if o is not type(None))
-    raise ConfigError(f"{origin}: {key} = {value!r}", remedy=f"a value of type {wanted}", code="E_OPTION")
+    wanted = " or ".join(_wanted(option) for option in options if option is not type(None))
+    raise ConfigError(f"{origin}: {key} = {value!r}", remedy=wanted, code="E_OPTION")
+
+
+def _wanted(hint: Any) -> str:
+    words = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
+    if hint in words:
+        return words[hint]
+    choices = [choice for choice in get_args(hint) if isinstance(choice, str)]
+    return " or ".join(choices) or "a list of names"

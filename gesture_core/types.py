@@ -90,6 +90,10 @@ class PoseSequence:
     def __len__(self) -> int:
         return len(self.times)
 
+    def __repr__(self) -> str:
+        span = self.times[-1] - self.times[0] if len(self) else 0.0
+        return f"PoseSequence({self.source!r}, {len(self)} frames of {self.skeleton}, {span:.2f} s)"
+
     @property
     def seen(self) -> np.ndarray:
         """(T, J) bool: the joint was found in the frame."""
@@ -185,6 +189,10 @@ class Signals:
 
     def __len__(self) -> int:
         return len(self.values)
+
+    def __repr__(self) -> str:
+        width, chosen = len(self.channels), len(self.selected)
+        return f"Signals({self.source!r}, {len(self)} frames, {chosen} of {width} channels selected)"
 
     @property
     def selected(self) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     import numpy as np
 
+    from gesture_core.archive.work import Job, Outcome, Task
     from gesture_core.dtw.spec import DtwSpec
     from gesture_core.types import PoseSequence, SignalBatch, Signals
 
@@ -80,8 +81,12 @@ class KeypointReader(Protocol):
         """Whether this reader takes ``path``, a file or a folder, judged cheaply by name and first bytes."""
         ...
 
-    def read(self, path: Path) -> list[PoseSequence]:
-        """The sequences in ``path``, one for each person; a KeypointError says what is wrong."""
+    def members(self, path: Path) -> list[str]:
+        """Names of the sequences inside ``path``, in a stable order; ``[""]`` where it is one sequence."""
+        ...
+
+    def read(self, path: Path, member: str = "") -> list[PoseSequence]:
+        """One sequence for each person in ``member`` of ``path``; a KeypointError says what is wrong."""
         ...
 
 
@@ -141,8 +146,14 @@ class ResultWriter(Protocol):
 
 
 class ExecutionEngine(Protocol):
-    """Runs the same function over many tasks and yields what came of each, in any order."""
+    """Runs one job over many tasks. Constructed with ``workers`` and ``limits``."""
 
-    def run(self, make_worker: Callable[[], Any], tasks: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
-        """Yield ``(task, outcome)``; an outcome is what the worker returned or a GestureError."""
+    def run(
+        self, job: Job, tasks: Sequence[Task], on_frames: Callable[[Task, int], None]
+    ) -> Iterator[Outcome]:
+        """Yield one outcome for every task, in any order.
+
+        ``on_frames(task, n)`` is called as frames are done, for progress. A task that fails, hangs
+        or kills its process yields an outcome that says so; it never ends the others.
+        """
         ...

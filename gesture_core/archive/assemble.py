@@ -1,0 +1,101 @@
+"""From what came of an input and what was decided about each person to rows of the result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gesture_core.archive.discovery import Input
+from gesture_core.archive.rows import Row
+from gesture_core.archive.work import Outcome
+from gesture_core.types import PoseSequence, Prediction
+
+# Codes of inputs in which nothing went wrong, yet no gesture is shown.
+_NOT_A_GESTURE = frozenset({"E_NO_SALIENT"})
+
+
+def skipped_row(item: Input, fingerprint: str) -> Row:
+    """The row of something that is neither a video nor a keypoint file."""
+    return Row(
+        item.name,
+        status="skipped",
+        code="E_NOT_AN_INPUT",
+        message=f"{item.name}: {item.fault}; try: a manifest that leaves it out",
+        fingerprint=fingerprint,
+    )
+
+
+def _base(item: Input, outcome: Outcome, fingerprint: str) -> Row:
+    return Row(
+        item.name,
+        outcome.sha256,
+        frames_declared=outcome.frames_declared,
+        frames_read=outcome.frames_read,
+        seconds=outcome.seconds,
+        attempts=outcome.attempts,
+        plugin=outcome.plugin,
+        fingerprint=fingerprint,
+    )
+
+
+def failed_row(item: Input, outcome: Outcome, fingerprint: str) -> Row:
+    """The row of an input from which no keypoints came."""
+    base = _base(item, outcome, fingerprint)
+    if outcome.code:
+        return replace(base, code=outcome.code, message=f"{item.name}: {outcome.message}")
+    return replace(
+        base,
+        code="E_NO_PERSON",
+        message=f"{item.name}: nobody was found in {outcome.frames_read} frames; "
+        "try: another --pose or --model, or gesture render to see what the network sees",
+    )
+
+
+def person_row(
+    item: Input,
+    outcome: Outcome,
+    pose: PoseSequence,
+    prediction: Prediction,
+    fingerprint: str,
+) -> Row:
+    """The row of one person: the prediction, degraded where the input lost frames."""
+    row = replace(
+        _base(item, outcome, fingerprint),
+        person=pose.person,
+        label=prediction.label,
+        distance=prediction.distance,
+        margin=prediction.margin,
+        neighbors=prediction.neighbors,
+        status=prediction.status,
+        code=prediction.code,
+        message=f"{item.name}: {prediction.message}" if prediction.message else "",
+        frames_with_pose=pose.frames_with_pose,
+        selected=prediction.selected,
+    )
+    if row.code in _NOT_A_GESTURE:
+        return replace(row, status="rejected")
+    if row.status == "ok" and not outcome.complete:
+        return replace(
+            row,
+            status="degraded",
+            code="E_MEDIA_PARTIAL",
+            message=f"{item.name}: {'; '.join(outcome.notes) or 'frames are missing'}; "
+            f"kept: {outcome.frames_read} frames; try: repairing the file",
+        )
+    return row
+
+
+def person_rows(
+    item: Input,
+    outcome: Outcome,
+    poses: Sequence[PoseSequence],
+    predictions: Sequence[Prediction],
+    fingerprint: str,
+) -> list[Row]:
+    """Rows of all people in one input, at least one."""
+    if outcome.code or not poses:
+        return [failed_row(item, outcome, fingerprint)]
+    return [
+        person_row(item, outcome, pose, prediction, fingerprint)
+        for pose, prediction in zip(poses, predictions, strict=True)
+    ]

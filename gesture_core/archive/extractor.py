@@ -1,0 +1,183 @@
+"""One input to keypoints in the store: what a worker does for each task."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from gesture_core.archive.hashing import content_sha256, settings_sha256
+from gesture_core.archive.store import read_keypoints, write_keypoints
+from gesture_core.archive.work import Job, Outcome, Task
+from gesture_core.errors import GestureError, KeypointError
+from gesture_core.plugin import registry
+from gesture_core.types import PoseSequence
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from gesture_core.plugin.kinds import PoseBackend
+
+_REPORT_SECONDS = 0.5
+
+
+class Extractor:
+    """Extracts keypoints; opens the pose network once, when the first video comes.
+
+    Parameters
+    ----------
+    job : Job
+    """
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+
+    def __call__(self, task: Task, on_frames: Callable[[int], None]) -> Outcome:
+        """The outcome of ``task``; whatever goes wrong becomes its code and message.
+
+        ``on_frames`` is called with the number of further frames that are done.
+        """
+        started = time.perf_counter()
+        plugin = self._plugin(task)
+        outcome = Outcome(task.number, task.sha256, plugin=plugin, complete=False)
+        try:
+            outcome = replace(outcome, sha256=task.sha256 or content_sha256(task.path))
+            outcome = self._from_store(task, outcome) or self._extract(task, outcome, on_frames)
+        except GestureError as error:
+            cause = message_without_subject(error)
+            outcome = replace(outcome, code=error.code, message=cause)
+        except MemoryError:
+            outcome = replace(
+                outcome, code="E_WORKER_MEMORY", message="out of memory; try: a larger limits.memory"
+            )
+        except OSError as error:
+            outcome = replace(outcome, code="E_READ", message=f"cannot be read: {error.strerror or error}")
+        except (Exception, SystemExit) as error:  # a plugin may raise anything
+            text = f"{plugin} raised {type(error).__name__}: {error}; try: another plugin, or report it"
+            outcome = replace(outcome, code="E_PLUGIN_RAISED", message=text)
+        return replace(outcome, elapsed=time.perf_counter() - started)
+
+    def _plugin(self, task: Task) -> str:
+        if task.kind == "video":
+            return str(registry().find("pose", self._job.settings.pose.backend).origin)
+        return str(registry().find("reader", task.reader).origin)
+
+    def _name(self, task: Task, sha256: str) -> str:
+        """File name in the store: content, then what decides the keypoints."""
+        key = settings_sha256([self._job.pose_key, task.kind, task.reader, task.member])
+        return f"{sha256[:2]}/{sha256[:32]}-{key[:16]}.parquet"
+
+    def _from_store(self, task: Task, outcome: Outcome) -> Outcome | None:
+        name = self._name(task, outcome.sha256)
+        path = self._job.store / name
+        if not path.is_file():
+            return None
+        try:
+            stored = read_keypoints(path)
+        except KeypointError:  # damaged on disk: extract again, which replaces the file
+            return None
+        return replace(outcome, stored=name, cached=True, **_facts(stored.facts))
+
+    def _extract(self, task: Task, outcome: Outcome, on_frames: Callable[[int], None]) -> Outcome:
+        if task.kind == "video":
+            sequences, facts = self._video(task, on_frames)
+        else:
+            sequences, facts = self._keypoints(task)
+        facts["people"] = len(sequences)
+        name = self._name(task, outcome.sha256)
+        write_keypoints(self._job.store / name, sequences, facts)
+        return replace(outcome, stored=name, **_facts(facts))
+
+    def _video(
+        self, task: Task, on_frames: Callable[[int], None]
+    ) -> tuple[list[PoseSequence], dict[str, Any]]:
+        from gesture_core.media.limits import Limits
+        from gesture_core.media.reader import open_video
+        from gesture_core.pose.extract import extract_poses
+
+        settings = self._job.settings
+        limits = Limits(max_pixels=settings.limits.pixels, max_frames=settings.limits.frames)
+        backend = self._backend
+        with open_video(task.path, settings.pose.reader, limits) as video:
+            frames = _Counted(video, on_frames)
+            sequences = extract_poses(
+                frames, backend, settings.pose.people, follow=settings.pose.follow, source=str(task.path)
+            )
+            report = video.report
+        frames.flush()
+        found = [sequence for sequence in sequences if sequence.frames_with_pose]
+        return found, {
+            "frames_declared": report.frames_declared,
+            "frames_read": report.frames_read,
+            "complete": report.complete,
+            "notes": list(report.notes),
+            "seconds": frames.seconds,
+        }
+
+    def _keypoints(self, task: Task) -> tuple[list[PoseSequence], dict[str, Any]]:
+        settings = self._job.settings
+        reader = registry().make("reader", task.reader, settings.plugin_options(task.reader))
+        sequences: list[PoseSequence] = reader.read(task.path, task.member)
+        if settings.pose.people == "single" and len(sequences) > 1:
+            best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
+            sequences = [replace(best, person=0)]
+        frames = max((len(sequence) for sequence in sequences), default=0)
+        seconds = max((float(s.times[-1] - s.times[0]) for s in sequences if len(s)), default=0.0)
+        return [s for s in sequences if s.frames_with_pose], {
+            "frames_declared": None,
+            "frames_read": frames,
+            "complete": True,
+            "notes": [],
+            "seconds": seconds,
+        }
+
+    @cached_property
+    def _backend(self) -> PoseBackend:
+        from gesture_core.pose.extract import open_backend
+
+        return open_backend(self._job.settings, self._job.threads)
+
+
+def message_without_subject(error: GestureError) -> str:
+    """The message without its subject, which the row names already."""
+    return error.message.removeprefix(f"{error.subject}: ") if error.subject else error.message
+
+
+def _facts(facts: Any) -> dict[str, Any]:
+    names = ("people", "frames_declared", "frames_read", "complete", "seconds")
+    return {name: facts[name] for name in names} | {"notes": tuple(facts["notes"])}
+
+
+class _Counted:
+    """Frames on their way to the network, counted for the progress report."""
+
+    def __init__(self, frames: Iterable[tuple[float, np.ndarray]], on_frames: Callable[[int], None]) -> None:
+        self._frames = frames
+        self._on_frames = on_frames
+        self._unreported = 0
+        self._first = self._last = 0.0
+
+    def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
+        reported = time.monotonic()
+        for number, (at, frame) in enumerate(self._frames):
+            if number == 0:
+                self._first = at
+            self._last = at
+            yield at, frame
+            self._unreported += 1
+            if time.monotonic() - reported > _REPORT_SECONDS:
+                self.flush()
+                reported = time.monotonic()
+
+    def flush(self) -> None:
+        """Report what has not been reported."""
+        if self._unreported:
+            self._on_frames(self._unreported)
+            self._unreported = 0
+
+    @property
+    def seconds(self) -> float:
+        """From the first frame to the last."""
+        return self._last - self._first

@@ -1,0 +1,89 @@
+"""Everything that decides a result, as one tree, and its hash."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import gesture_core
+from gesture_core.archive.discovery import Input
+from gesture_core.archive.hashing import settings_sha256
+from gesture_core.plugin import registry
+from gesture_core.settings import Settings
+
+
+def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
+    """What decides the keypoints of an input: settings, model, versions.
+
+    ``with_model`` is False where no input is a video; then no model needs to be there.
+    """
+    plugins = registry()
+    backend = plugins.find("pose", settings.pose.backend)
+    pose = settings.as_dict()["pose"]
+    identity: dict[str, Any] = {
+        "package": gesture_core.__version__,
+        "pose": pose,
+        "backend": str(backend.origin),
+        "options": settings.plugin_options(settings.pose.backend),
+        "readers": {
+            name: [str(plugins.find("reader", name).origin), settings.plugin_options(name)]
+            for name in plugins.names("reader", usable=True)
+        },
+    }
+    if with_model:
+        from gesture_core.media.reader import reader_name
+        from gesture_core.pose.models import find_model
+
+        identity["model"] = find_model(settings.pose.model).sha256
+        identity["video_reader"] = reader_name(settings.pose.reader)
+    return identity
+
+
+def run_configuration(
+    settings: Settings,
+    pose: Mapping[str, Any],
+    examples: Sequence[tuple[Input, str]],
+    kernel: str,
+) -> dict[str, Any]:
+    """What decides the result of a run; ``examples`` come with their content hashes."""
+    plugins = registry()
+    chosen = settings.signals
+    steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
+    steps += [("filter", name) for name in chosen.filters]
+    tree = settings.as_dict()
+    del tree["limits"], tree["pose"]
+    tree["classify"]["kernel"] = kernel
+    return {
+        "settings": tree,
+        "pose": dict(pose),
+        "plugins": {
+            f"{kind} {name}": str(plugins.find(kind, name.partition(":")[0]).origin) for kind, name in steps
+        },
+        "examples": {item.name: {"label": item.label, "sha256": sha256} for item, sha256 in examples},
+    }
+
+
+def fingerprint(configuration: Mapping[str, Any]) -> str:
+    """Sixteen hexadecimal digits that change when anything in ``configuration`` does."""
+    return settings_sha256(configuration)[:16]
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """What changed between two configurations, one line each: ``key: old -> new``."""
+    before, after = dict(_leaves(old)), dict(_leaves(new))
+    lines = []
+    for key in sorted(before.keys() | after.keys()):
+        if before.get(key, _ABSENT) != after.get(key, _ABSENT):
+            lines.append(f"{key}: {before.get(key, '(absent)')} -> {after.get(key, '(absent)')}")
+    return lines
+
+
+_ABSENT = object()
+
+
+def _leaves(tree: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(tree, Mapping) and tree:
+        for key, value in tree.items():
+            yield from _leaves(value, f"{path} {key}".strip())
+    else:
+        yield path, tree

@@ -1,0 +1,174 @@
+"""The truth about a run: ``run.db``, an SQLite file that survives a kill at any moment.
+
+Each input's rows are committed in one transaction; what is committed is never done again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from gesture_core.archive.rows import COLUMNS, Row
+from gesture_core.errors import RunFolderError
+
+FILE_NAME = "run.db"
+_VERSION = 1
+_TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {
+    "frames_with_pose": "INTEGER", "attempts": "INTEGER",
+    "distance": "REAL", "margin": "REAL", "seconds": "REAL",
+}  # fmt: skip
+_SCHEMA = f"""
+CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS content (
+  key BLOB PRIMARY KEY, stamp TEXT NOT NULL, sha256 TEXT NOT NULL
+);
+CREATE TABLE IF NOT EXISTS rows (
+  key BLOB NOT NULL, role TEXT NOT NULL, stored TEXT NOT NULL,
+  {", ".join(f"{name} {_TYPES.get(name, 'TEXT')}" for name in COLUMNS)},
+  PRIMARY KEY (role, key, person)
+);
+"""
+
+
+class Journal:
+    """An open ``run.db``. Use as a context manager.
+
+    Parameters
+    ----------
+    folder : Path
+        The run folder.
+    create : bool
+        Make the file where it is missing.
+
+    Raises
+    ------
+    RunFolderError
+        Where there is no run, the file is damaged, or it was written by another version.
+    """
+
+    def __init__(self, folder: Path, *, create: bool = False) -> None:
+        self.path = folder / FILE_NAME
+        if not create and not self.path.is_file():
+            raise RunFolderError(
+                "holds no run",
+                subject=str(folder),
+                remedy="a folder that gesture classify wrote",
+                code="E_NO_RUN",
+            )
+        try:
+            self._db = sqlite3.connect(self.path, isolation_level=None, timeout=10)
+            self._db.row_factory = sqlite3.Row
+            self._db.execute("PRAGMA journal_mode=WAL")
+            self._db.execute("PRAGMA synchronous=FULL")
+            if create:
+                self._db.executescript(_SCHEMA)
+                self._db.execute("INSERT OR IGNORE INTO meta VALUES ('version', ?)", (str(_VERSION),))
+            version = self.get("version")
+        except sqlite3.DatabaseError as error:
+            raise RunFolderError(
+                f"cannot be used: {error}",
+                subject=str(self.path),
+                remedy="another --out",
+                code="E_RUN_DAMAGED",
+            ) from error
+        if version != str(_VERSION):
+            raise RunFolderError(
+                f"was written in format {version}, this version reads {_VERSION}",
+                subject=str(self.path),
+                remedy="another --out",
+                code="E_RUN_VERSION",
+            )
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._db.close()
+
+    def get(self, key: str) -> str | None:
+        """A fact about the run."""
+        row = self._db.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+        return row["value"] if row else None
+
+    def set(self, facts: Mapping[str, Any]) -> None:
+        """Record facts about the run: strings as they are, anything else as JSON."""
+        with self._transaction():
+            for key, value in facts.items():
+                text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
+                self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, text))
+
+    def sha256(self, key: bytes, stamp: str) -> str | None:
+        """The content hash of an input that has not been written since, None where it has."""
+        row = self._db.execute(
+            "SELECT sha256 FROM content WHERE key = ? AND stamp = ?", (key, stamp)
+        ).fetchone()
+        return row["sha256"] if row else None
+
+    def remember(self, key: bytes, stamp: str, sha256: str) -> None:
+        """Record the content hash of an input, so that it need not be read again."""
+        self._db.execute("INSERT OR REPLACE INTO content VALUES (?, ?, ?)", (key, stamp, sha256))
+
+    def commit(self, key: bytes, rows: Sequence[Row], *, role: str = "query", stored: str = "") -> None:
+        """Replace the rows of one input, in one transaction."""
+        with self._transaction():
+            self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, key))
+            for row in rows:
+                record = row.as_record()
+                self._db.execute(
+                    f"INSERT INTO rows (key, role, stored, {', '.join(COLUMNS)}) "
+                    f"VALUES (?, ?, ?, {', '.join('?' * len(COLUMNS))})",
+                    (key, role, stored, *(record[name] for name in COLUMNS)),
+                )
+
+    def done(self, *, retry_errors: bool = False, role: str = "query") -> dict[bytes, str]:
+        """Keys and content hashes of inputs that need no more work."""
+        where = "AND status != 'error'" if retry_errors else ""
+        query = f"SELECT key, sha256 FROM rows WHERE role = ? {where}"
+        return {row["key"]: row["sha256"] for row in self._db.execute(query, (role,))}
+
+    def rows(self, role: str = "query") -> Iterator[Row]:
+        """All rows, ordered by input and person."""
+        query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person"
+        for record in self._db.execute(query, (role,)):
+            yield Row.from_record(record)
+
+    def stored(self, name: str, role: str = "query") -> list[tuple[Row, str]]:
+        """Rows of the input called ``name``, each with its file in the keypoint store."""
+        query = "SELECT * FROM rows WHERE role = ? AND input = ? ORDER BY person"
+        return [(Row.from_record(r), r["stored"]) for r in self._db.execute(query, (role, name))]
+
+    def counts(self, role: str = "query") -> dict[str, int]:
+        """Number of rows by status."""
+        query = "SELECT status, COUNT(*) AS n FROM rows WHERE role = ? GROUP BY status"
+        return {row["status"]: row["n"] for row in self._db.execute(query, (role,))}
+
+    def clear(self) -> None:
+        """Forget all rows and facts; content hashes stay."""
+        with self._transaction():
+            self._db.execute("DELETE FROM rows")
+            self._db.execute("DELETE FROM meta WHERE key != 'version'")
+
+    def _transaction(self) -> _Transaction:
+        return _Transaction(self._db)
+
+
+class _Transaction:
+    """BEGIN on entry; COMMIT or ROLLBACK on exit."""
+
+    def __init__(self, db: sqlite3.Connection) -> None:
+        self._db = db
+
+    def __enter__(self) -> None:
+        self._db.execute("BEGIN IMMEDIATE")
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._db.execute("COMMIT" if kind is None else "ROLLBACK")
+
+
+def open_journal(folder: str | os.PathLike[str]) -> Journal:
+    """The journal of an existing run folder."""
+    return Journal(Path(folder))

@@ -1,0 +1,138 @@
+"""A run: what is asked for, what is told while it goes on, and what comes out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gesture_core.archive.journal import open_journal
+from gesture_core.archive.rows import Row
+from gesture_core.paths import cache_dir
+from gesture_core.settings import Settings
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """What a run is to do.
+
+    Attributes
+    ----------
+    sources : tuple of str
+        Files, folders, globs or manifests.
+    out : Path
+        The run folder.
+    settings : Settings
+    examples : tuple of str
+        Sources of the examples; empty to extract keypoints only.
+    labels : str
+        How examples get their labels, see `discovery.label_inputs`.
+    workers : int
+        Worker processes; 0 for one for each core.
+    engine : str
+        Name of an execution engine.
+    retry_errors : bool
+        Try inputs again whose row is an error.
+    overwrite : bool
+        Forget the rows of a run that was made with other settings.
+    """
+
+    sources: tuple[str, ...]
+    out: Path
+    settings: Settings
+    examples: tuple[str, ...] = ()
+    labels: str = "folder"
+    workers: int = 0
+    engine: str = "processes"
+    retry_errors: bool = False
+    overwrite: bool = False
+
+
+class Listener:
+    """Told about a run as it goes on; override what is of interest."""
+
+    def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
+        """The work is known: all inputs, those that still wait, the examples, the kernel."""
+
+    def frames(self, name: str, count: int) -> None:
+        """``count`` further frames of an input are done."""
+
+    def extracted(self, name: str, cached: bool) -> None:
+        """The keypoints of an input or example are there, or it has failed."""
+
+    def example_failed(self, row: Row) -> None:
+        """An example cannot be used."""
+
+    def row(self, row: Row) -> None:
+        """A row has been committed."""
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What came of a run.
+
+    Attributes
+    ----------
+    out : Path
+    counts : mapping
+        Number of rows by status, those of earlier runs in the same folder included.
+    done_now : int
+        Inputs that this run worked on; zero where there was nothing to do.
+    failed_examples : tuple of Row
+    elapsed : float
+        Seconds.
+    frames : int
+        Frames that were decoded now, not taken from the keypoint store.
+    kernel : str
+    fingerprint : str
+    """
+
+    out: Path
+    counts: Mapping[str, int]
+    done_now: int = 0
+    failed_examples: tuple[Row, ...] = field(default_factory=tuple)
+    elapsed: float = 0.0
+    frames: int = 0
+    kernel: str = ""
+    fingerprint: str = ""
+
+    @property
+    def exit_code(self) -> int:
+        """0 when every row is whole, 3 where there are errors, degraded rows or failed examples."""
+        flawed = self.counts.get("error", 0) + self.counts.get("degraded", 0) + len(self.failed_examples)
+        return 3 if flawed else 0
+
+    def rows(self) -> list[Row]:
+        """All rows of the run folder, ordered by input."""
+        with open_journal(self.out) as journal:
+            return list(journal.rows())
+
+
+def result_rows(folder: str | os.PathLike[str]) -> Iterator[Row]:
+    """The rows of a run folder, ordered by input and person."""
+    with open_journal(folder) as journal:
+        yield from journal.rows()
+
+
+def default_workers(tasks: int) -> int:
+    """One worker for each core that this process may use, and no more than there are tasks."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, min(cores, tasks))
+
+
+def threads_for(workers: int) -> int:
+    """Threads of each worker, so that all of them together fill the cores once."""
+    return max(1, default_workers(1 << 30) // workers)
+
+
+def keypoint_store() -> Path:
+    """Folder of the keypoint store, shared by all runs."""
+    return cache_dir() / "keypoints"
+
+
+def as_strings(sources: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> tuple[str, ...]:
+    """One source or several, as a tuple of strings."""
+    if isinstance(sources, str | os.PathLike):
+        return (os.fspath(sources),)
+    return tuple(os.fspath(source) for source in sources)
