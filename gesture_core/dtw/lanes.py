@@ -20,6 +20,9 @@ from gesture_core.types import SignalBatch
 PAIRS_IN_FLIGHT = 1 << 17
 """Upper limit of lanes (independent) or of pairs times dimensions (dependent) planned at once."""
 
+UNBOUNDED = 1 << 30
+"""A column past the last of any row."""
+
 
 def far(dtype: np.dtype) -> float:
     """The padding value: two padded frames cost nothing, a padded and a real one cost more than any path."""
@@ -258,10 +261,10 @@ def _columns(frames: np.ndarray, index: np.ndarray, dimension: np.ndarray | None
 
 
 def _bounds(n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> tuple[np.ndarray, np.ndarray]:
-    """(n_max, P) first columns and columns past the last; rows beyond a lane's length are unbounded."""
+    """(n_max, P) first columns and columns past the last; rows beyond a lane's length hold padding alone."""
     lengths, lane = np.unique(np.stack([n, m]), axis=1, return_inverse=True)
-    low = np.zeros((int(n.max()), lengths.shape[1]), np.int32)
-    high = np.full_like(low, int(m.max()))
+    low = np.broadcast_to(lengths[1].astype(np.int32), (int(n.max()), lengths.shape[1])).copy()
+    high = np.full_like(low, UNBOUNDED)
     for column, (rows, columns) in enumerate(lengths.T.tolist()):
         low[:rows, column], high[:rows, column] = row_bounds(rows, columns, spec)
     lane = lane.reshape(-1)
