@@ -42,7 +42,7 @@ def failed_row(item: Input, outcome: Outcome, fingerprint: str) -> Row:
     """The row of an input from which no keypoints came."""
     base = _base(item, outcome, fingerprint)
     if outcome.code:
-        return replace(base, code=outcome.code, message=f"{item.name}: {outcome.message}")
+        return replace(base, code=outcome.code, message=_said_of(item, outcome.message))
     return replace(
         base,
         code="E_NO_PERSON",
@@ -68,7 +68,7 @@ def person_row(
         neighbors=prediction.neighbors,
         status=prediction.status,
         code=prediction.code,
-        message=f"{item.name}: {prediction.message}" if prediction.message else "",
+        message=_said_of(item, prediction.message),
         frames_with_pose=pose.frames_with_pose,
         selected=prediction.selected,
     )
@@ -83,6 +83,11 @@ def person_row(
             f"kept: {outcome.frames_read} frames; try: repairing the file",
         )
     return row
+
+
+def _said_of(item: Input, message: str) -> str:
+    """``message`` with the input's name in front, once."""
+    return f"{item.name}: {message.removeprefix(f'{item.name}: ')}" if message else ""
 
 
 def person_rows(

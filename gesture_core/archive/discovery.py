@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.errors import ConfigError, GestureError, InputError, PluginError
 from gesture_core.plugin import registry
 
 VIDEO_SUFFIXES = frozenset(
@@ -113,7 +113,7 @@ def _folder(folder: Path, avoid: Path | None, above: frozenset[Path]) -> Iterato
     real = folder.resolve()
     if real == avoid or real in above:  # the run itself, or a link back to a folder above
         return
-    reader = _reader(folder)
+    reader, _ = _reader(folder)
     if reader:
         yield from _members(folder, reader)
         return
@@ -139,19 +139,28 @@ def _file(path: Path) -> Iterator[Input]:
         yield Input(path, name, "other", fault="not a regular file")
     elif path.suffix.lower() in VIDEO_SUFFIXES:
         yield Input(path, name, "video")
-    elif reader := _reader(path):
-        yield from _members(path, reader)
     else:
-        yield Input(path, name, "other", fault="neither a video nor a keypoint file")
+        reader, broken = _reader(path)
+        if reader:
+            yield from _members(path, reader)
+        else:
+            yield Input(path, name, "other", fault=f"neither a video nor a keypoint file{broken}")
 
 
-def _reader(path: Path) -> str:
-    """Name of the keypoint reader that accepts ``path``, or an empty string."""
+def _reader(path: Path) -> tuple[str, str]:
+    """Name of the keypoint reader that accepts ``path``, or none and which readers are broken."""
     plugins = registry()
+    broken = ""
     for name in plugins.names("reader", usable=True):
-        if plugins.make("reader", name).accepts(path):
-            return name
-    return ""
+        try:
+            if plugins.make("reader", name).accepts(path):
+                return name, ""
+        except PluginError as error:
+            broken += f"; {error.cause}"
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
+            origin = plugins.find("reader", name).origin
+            broken += f"; reader {name!r} of {origin} raised {type(error).__name__}: {error}"
+    return "", broken
 
 
 def _members(path: Path, reader: str) -> Iterator[Input]:
@@ -160,6 +169,10 @@ def _members(path: Path, reader: str) -> Iterator[Input]:
         members = registry().make("reader", reader).members(path)
     except GestureError as error:
         yield Input(path, name, "other", fault=f"{error.code} {error.cause}")
+        return
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
+        origin = registry().find("reader", reader).origin
+        yield Input(path, name, "other", fault=f"{origin} raised {type(error).__name__}: {error}")
         return
     for member in members:
         shown = f"{name}::{printable(member)}" if member else name

@@ -54,7 +54,7 @@ class Extractor:
             )
         except OSError as error:
             outcome = replace(outcome, code="E_READ", message=f"cannot be read: {error.strerror or error}")
-        except (Exception, SystemExit) as error:  # a plugin may raise anything
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
             text = f"{plugin} raised {type(error).__name__}: {error}; try: another plugin, or report it"
             outcome = replace(outcome, code="E_PLUGIN_RAISED", message=text)
         return replace(outcome, elapsed=time.perf_counter() - started)

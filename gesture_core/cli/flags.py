@@ -1,0 +1,57 @@
+"""The flags that the commands share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from gesture_core.errors import ConfigError
+from gesture_core.settings import Settings, load_settings
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Flags:
+    """Flags that change settings: defaults < preset file < environment < flags."""
+
+    preset: Annotated[str | None, Parameter(help="Preset of the package, or a TOML file.")] = None
+    pose: Annotated[str | None, Parameter(help="Pose backend.")] = None
+    model: Annotated[str | None, Parameter(help="Pose network: a name of 'gesture models', or a file.")] = (
+        None
+    )
+    kernel: Annotated[str | None, Parameter(help="Distance kernel, or auto.")] = None
+    neighbors: Annotated[int | None, Parameter(help="k of the k-nearest-neighbour vote.")] = None
+    reject: Annotated[
+        str | None,
+        Parameter(help="Give no label beyond this distance, or beyond mean + K sd of its class: '3sd'."),
+    ] = None
+    set: Annotated[
+        tuple[str, ...],
+        Parameter(consume_multiple=False, help="Any setting, as key=value; may be repeated."),
+    ] = ()
+
+    def settings(self) -> Settings:
+        """The settings that the flags ask for."""
+        return load_settings(
+            self.preset,
+            self.set,
+            pose__backend=self.pose,
+            pose__model=self.model,
+            classify__kernel=self.kernel,
+            classify__neighbors=self.neighbors,
+            **_rejection(self.reject),
+        )
+
+
+def _rejection(value: str | None) -> dict[str, float]:
+    if value is None:
+        return {}
+    number, key = (value[:-2], "classify__reject_sd") if value.endswith("sd") else (value, "classify__reject")
+    try:
+        return {key: float(number)}
+    except ValueError:
+        raise ConfigError(
+            f"--reject {value!r}", remedy="a distance such as 0.4, or standard deviations such as 3sd"
+        ) from None

@@ -1,0 +1,101 @@
+"""``gesture``: the commands, and what every one of them does with errors, signals and closed pipes."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import sys
+from collections.abc import Sequence
+from types import FrameType
+
+from cyclopts import App, CycloptsError, Parameter
+
+from gesture_core import __version__
+from gesture_core.errors import ConfigError, GestureError, InputError, PluginError
+
+EXIT_FATAL, EXIT_USAGE, EXIT_LOCKED, EXIT_PIPE = 1, 2, 11, 141
+
+app = App(
+    name="gesture",
+    help="A folder of videos and a folder of example gestures in, a table of labels out.",
+    help_epilogue="Exit codes: 0 all done, 1 fatal, 2 usage, 3 finished with errors or degraded rows, "
+    "11 another run holds the folder, 130 and 143 interrupted.",
+    version=__version__,
+    help_format="plaintext",
+    default_parameter=Parameter(negative=()),
+)
+
+_COMMANDS = {
+    "classify": "Label every input by its nearest example gesture.",
+    "extract": "Find keypoints only, and write them to files.",
+    "evaluate": "Measure the accuracy of a preset on a labelled archive.",
+    "explain": "Show why an input of a run got its label.",
+    "export": "Write the rows of a run as CSV, Parquet or JSON lines.",
+    "render": "Draw the keypoints that the network sees over a video.",
+    "plugins": "List every plugin, its kind, origin and status.",
+    "models": "List, add and verify pose networks.",
+    "bench": "Time every installed distance kernel on this machine.",
+    "demo": "Run the main job on an archive that the package draws itself.",
+}
+for _name, _help in _COMMANDS.items():
+    _target = "app" if _name == "models" else _name
+    app.command(f"gesture_core.cli.{_name}:{_target}", name=_name, help=_help)
+
+
+class _Terminated(BaseException):
+    """SIGTERM came."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit with its code."""
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command; the exit code."""
+    signal.signal(signal.SIGTERM, _on_sigterm)
+    for stream in (sys.stdout, sys.stderr):  # any bytes may stand in a file name
+        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    try:
+        result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
+        return result if isinstance(result, int) else 0
+    except CycloptsError as error:
+        return _fail(f"E_USAGE {error}; try: gesture {' '.join(arguments[:1])} --help", EXIT_USAGE)
+    except GestureError as error:
+        return _fail(str(error), _exit_code(error))
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody reads; later flushes must not fail
+        return EXIT_PIPE
+    except OSError as error:
+        return _fail(f"E_OS {error}; kept: every committed row; try: the same command again", EXIT_FATAL)
+    except KeyboardInterrupt:
+        return _interrupted(arguments, 128 + signal.SIGINT)
+    except _Terminated:
+        return _interrupted(arguments, 128 + signal.SIGTERM)
+
+
+def _on_sigterm(_number: int, _frame: FrameType | None) -> None:
+    raise _Terminated
+
+
+def _fail(text: str, code: int) -> int:
+    print(text, file=sys.stderr)
+    return code
+
+
+def _interrupted(arguments: Sequence[str], code: int) -> int:
+    if arguments[:1] in (["classify"], ["extract"]):
+        return _fail(f"interrupted; resume with: gesture {shlex.join(arguments)}", code)
+    return _fail("interrupted", code)
+
+
+def _exit_code(error: GestureError) -> int:
+    if error.code == "E_RUN_LOCKED":
+        return EXIT_LOCKED
+    usage = isinstance(error, ConfigError) or (
+        isinstance(error, InputError | PluginError)
+        and error.code in ("E_NOT_FOUND", "E_EMPTY", "E_PLUGIN_UNKNOWN", "E_NO_RUN")
+    )
+    return EXIT_USAGE if usage or error.code == "E_NO_RUN" else EXIT_FATAL

@@ -1,0 +1,93 @@
+"""Where output goes: tables for people on a terminal, JSON lines through a pipe."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from gesture_core.archive.rows import Row
+
+_ROWS_SHOWN = 60
+_STYLES = {"ok": "green", "degraded": "yellow", "rejected": "yellow", "skipped": "dim", "error": "red"}
+
+
+def console(*, stderr: bool = False) -> Console:
+    """A Rich console; as wide as the text needs where it is no terminal."""
+    from rich.console import Console
+
+    stream = sys.stderr if stderr else sys.stdout
+    return Console(file=stream, width=None if stream.isatty() else 240, highlight=False, emoji=False)
+
+
+def print_table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, right: Sequence[str] = ()) -> None:
+    """A plain table; the columns in ``right`` are right-aligned."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        table.add_column(column, justify="right" if column in right else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    console().print(table)
+
+
+def print_rows(rows: Sequence[Row]) -> None:
+    """The result: a table on a terminal, JSON lines otherwise."""
+    if not sys.stdout.isatty():
+        from gesture_core.archive.writers import json_line
+
+        for row in rows:
+            print(json_line(row.as_record()))
+        return
+    result_table(rows[:_ROWS_SHOWN])
+    if len(rows) > _ROWS_SHOWN:
+        print(f"… and {len(rows) - _ROWS_SHOWN} more rows")
+
+
+def result_table(rows: Sequence[Row]) -> None:
+    """One line for each row: input, label, distance, margin, status and why."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    base = _common_folder([row.input for row in rows])
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name, justify in (("input", "left"), ("label", "left"), ("distance", "right"), ("margin", "right")):
+        table.add_column(name, justify=justify, overflow="fold")  # type: ignore[arg-type]
+    table.add_column("nearest example", overflow="fold")
+    table.add_column("status", overflow="fold")
+    for row in rows:
+        name = visible(row.input.removeprefix(base)) + (f" #{row.person}" if row.person else "")
+        nearest = visible(row.neighbors[0][0].rsplit("/", 1)[-1]) if row.neighbors else ""
+        table.add_row(
+            Text(name),
+            Text(row.label or "-"),
+            _number(row.distance),
+            _number(row.margin),
+            Text(nearest),
+            Text(f"{row.status} {row.code}".strip(), _STYLES[row.status]),
+        )
+    console().print(table)
+
+
+def visible(text: str) -> str:
+    """``text`` with control characters escaped, so that a file name cannot move the cursor."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}"
+
+
+def _common_folder(names: Sequence[str]) -> str:
+    if len(names) < 2:
+        return ""
+    first, last = min(names), max(names)
+    shared = next((i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(first))
+    return first[: first.rfind("/", 0, shared) + 1]
