@@ -18,7 +18,6 @@ from gesture_core.archive.fingerprint import differences, fingerprint, pose_iden
 from gesture_core.archive.hashing import content_sha256, stamp
 from gesture_core.archive.journal import Journal
 from gesture_core.archive.lock import run_lock
-from gesture_core.archive.keypoint_files import publish
 from gesture_core.archive.rows import Row
 from gesture_core.archive.run import Listener, RunRequest, RunSummary, keypoint_store
 from gesture_core.archive.store import read_keypoints
