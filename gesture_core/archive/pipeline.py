@@ -17,6 +17,7 @@ from gesture_core.archive.extraction import extract_all
 from gesture_core.archive.fingerprint import differences, fingerprint, pose_identity, run_configuration
 from gesture_core.archive.hashing import content_sha256, stamp
 from gesture_core.archive.journal import Journal
+from gesture_core.archive.keypoint_files import publish
 from gesture_core.archive.lock import run_lock
 from gesture_core.archive.rows import Row
 from gesture_core.archive.run import Listener, RunRequest, RunSummary, keypoint_store
@@ -57,6 +58,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             run.frames,
             run.kernel,
             run.fingerprint,
+            tuple(sorted(run.lost_classes)),
         )
 
 
@@ -71,6 +73,7 @@ class _Run:
     kernel: str
     fingerprint: str
     failed_examples: list[Row] = field(default_factory=list)
+    lost_classes: set[str] = field(default_factory=set)
     frames: int = 0
 
     @classmethod
@@ -154,13 +157,13 @@ class _Run:
             except GestureError as error:
                 broken = Outcome(0, outcome.sha256, code=error.code, message=error.message)
                 self._fail_example(failed_row(item, broken, self.fingerprint))
-        lost = {str(item.label) for item in self.examples} - set(labels)
-        if lost or not labels:
+        self.lost_classes = {str(item.label) for item in self.examples} - set(labels)
+        if not labels:
             first = self.failed_examples[0]
             raise InputError(
-                f"no example of {', '.join(sorted(lost))} can be used ({first.code} {first.message})",
+                f"no example can be used; the first one: {first.code} {first.message}",
                 kept="the keypoints extracted so far",
-                remedy="better clips for them, or an example folder without them",
+                remedy="better clips",
                 code="E_EXAMPLES",
             )
         return classifier.fit(signals, labels, names)
@@ -185,7 +188,10 @@ class _Run:
         for (item, outcome), people in zip(batch, poses, strict=True):
             decided = predictions[start : start + len(people)]
             start += len(people)
-            self._commit(item, person_rows(item, outcome, people, decided, self.fingerprint), outcome.stored)
+            if outcome.stored and not self.examples:
+                publish(keypoint_store() / outcome.stored, item, self.request)
+            rows = person_rows(item, outcome, people, decided, self.fingerprint)
+            self._commit(item, rows, outcome.stored)
 
     def _commit(self, item: Input, rows: Sequence[Row], stored: str = "") -> None:
         self.journal.remember(item.key, _stamp(item), rows[0].sha256)

@@ -86,6 +86,8 @@ class RunSummary:
         Frames that were decoded now, not taken from the keypoint store.
     kernel : str
     fingerprint : str
+    lost_classes : tuple of str
+        Labels of which no example can be used: no input can get them.
     """
 
     out: Path
@@ -96,6 +98,7 @@ class RunSummary:
     frames: int = 0
     kernel: str = ""
     fingerprint: str = ""
+    lost_classes: tuple[str, ...] = ()
 
     @property
     def exit_code(self) -> int:

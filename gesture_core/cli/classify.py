@@ -92,3 +92,6 @@ def say_summary(summary: RunSummary) -> None:
     print(f"{total} rows: {counts}; {took}; {database}", file=sys.stderr)
     for row in summary.failed_examples:
         print(f"example left out: {row.code} {row.message}", file=sys.stderr)
+    if summary.lost_classes:
+        lost = ", ".join(summary.lost_classes)
+        print(f"no example of {lost} can be used: no input gets such a label", file=sys.stderr)
