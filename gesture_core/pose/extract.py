@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gesture_core.plugin.kinds import PoseBackend
+from gesture_core.pose.follow import Follower
 from gesture_core.pose.tracks import Tracker
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
@@ -37,7 +38,12 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
     from gesture_core.pose.models import find_model
 
     pose = settings.pose
-    options = {"height": pose.height, "score": pose.score, "threads": threads, **settings.plugin_options(pose.backend)}
+    options = {
+        "height": pose.height,
+        "score": pose.score,
+        "threads": threads,
+        **settings.plugin_options(pose.backend),
+    }
     backend: PoseBackend = registry().make("pose", pose.backend, options, model=find_model(pose.model))
     return backend
 
@@ -84,18 +90,28 @@ def extract_poses(
     points: list[np.ndarray] = []
     scores: list[np.ndarray] = []
     tracker = Tracker(joints)
+    if follow is None:
+        follow = bool(getattr(getattr(backend, "contract", None), "follow", False))
+    follower = Follower(backend) if follow and people == "single" else None
     for batch in _batches(stream, backend.batch_size):
         pictures = [frame for _, frame in batch]
         times += [time for time, _ in batch]
         if size is None:
             size = pictures[0].shape[1], pictures[0].shape[0]
-        for found in backend.estimate(pictures, people):
-            if people == "multi":
-                tracker.add(found)
-            else:
-                points.append(found[0].keypoints if found else np.full((joints, 2), np.nan))
-                scores.append(found[0].scores if found else np.zeros(joints))
-    provenance = {"people": people, **getattr(backend, "provenance", {})}
+        if people == "multi":
+            for everybody in backend.estimate(pictures, people):
+                tracker.add(everybody)
+            continue
+        best = (
+            follower.estimate(pictures)
+            if follower
+            else [found[0] if found else None for found in backend.estimate(pictures, people)]
+        )
+        for person in best:
+            points.append(person.keypoints if person else np.full((joints, 2), np.nan))
+            scores.append(person.scores if person else np.zeros(joints))
+    provenance = {"people": people, "follow": str(follower is not None)}
+    provenance |= getattr(backend, "provenance", {})
     at = np.array(times, np.float64)
     if people == "multi":
         return [

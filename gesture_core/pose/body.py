@@ -1,0 +1,108 @@
+"""Size and place of a body from its keypoints: what the crop around a person is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gesture_core.plugin.kinds import Person
+from gesture_core.skeletons import Skeleton
+
+# Proportions of an adult in torso lengths (shoulders to hips), after Drillis and Contini 1964:
+# a raised hand ends 1.5 above the shoulders, the feet 2.8 below them; the shoulders are 0.75 wide.
+ABOVE, BELOW = 1.5, 2.8
+REACH = ABOVE + BELOW
+SHOULDERS = 0.75
+
+
+@dataclass(frozen=True)
+class Body:
+    """Where a body is: the middle of all that it can reach, and its torso length, in pixels."""
+
+    x: float
+    y: float
+    torso: float
+
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle of whole pixels, half open."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @classmethod
+    def around(cls, body: Body, size: float, frame_size: tuple[int, int]) -> Window:
+        """The square of `size` times the body's reach around it, as far as it lies in the frame."""
+        half = 0.5 * size * REACH * body.torso
+        wide, high = frame_size
+        left = int(np.clip(round(body.x - half), 0, wide - _LEAST))
+        top = int(np.clip(round(body.y - half), 0, high - _LEAST))
+        right = int(np.clip(round(body.x + half), left + _LEAST, wide))
+        bottom = int(np.clip(round(body.y + half), top + _LEAST, high))
+        return cls(left, top, right, bottom)
+
+    @classmethod
+    def whole(cls, frame_size: tuple[int, int]) -> Window:
+        """All of the frame."""
+        return cls(0, 0, *frame_size)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height)"""
+        return self.right - self.left, self.bottom - self.top
+
+    def view(self, frame: np.ndarray) -> np.ndarray:
+        """That part of the frame; no pixel is copied."""
+        return frame[self.top : self.bottom, self.left : self.right]
+
+    def back(self, person: Person) -> Person:
+        """A person found in `view`, in pixels of the frame."""
+        return Person(person.keypoints + np.array([self.left, self.top], np.float32), person.scores)
+
+
+_LEAST = 32
+"""Pixels: nobody can be recognised in less."""
+
+
+class Anatomy:
+    """The joints of a skeleton that say where a body is."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._shoulders = [skeleton.index("right_shoulder"), skeleton.index("left_shoulder")]
+        self._hips = [skeleton.index("right_hip"), skeleton.index("left_hip")]
+        names = ("nose", "head_top", "neck", "shoulder", "elbow", "wrist", "hip")
+        self._upper = [i for i, joint in enumerate(skeleton.joints) if joint.endswith(names)]
+
+    def confidence(self, person: Person | None) -> float:
+        """Mean score of head, arms and hips, 0 for nobody."""
+        return 0.0 if person is None else float(person.scores[self._upper].mean())
+
+    def body(self, person: Person | None) -> Body | None:
+        """The body of a person, None where no shoulder was found.
+
+        Without hips the torso is judged by the shoulders, and the body is taken to be upright.
+        """
+        if person is None:
+            return None
+        points = person.keypoints
+        shoulders, hips = points[self._shoulders], points[self._hips]
+        seen = ~np.isnan(shoulders[:, 0])
+        if not seen.any():
+            return None
+        middle = shoulders[seen].mean(0)
+        across = float(np.linalg.norm(shoulders[0] - shoulders[1])) if seen.all() else 0.0
+        torso, down = across / SHOULDERS, np.array([0.0, 1.0])
+        if not np.isnan(hips[:, 0]).all():
+            line = np.nanmean(hips, axis=0) - middle
+            length = float(np.linalg.norm(line))
+            # A person who bends forward or turns aside has not become smaller: the larger of both.
+            if length > 0.5 * torso:
+                torso, down = max(length, torso), line / max(length, 1e-6)
+        if torso < 2:
+            return None
+        centre = middle + down * torso * (BELOW - ABOVE) / 2
+        return Body(float(centre[0]), float(centre[1]), torso)
