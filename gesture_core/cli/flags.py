@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -45,7 +45,7 @@ class Flags:
         )
 
 
-def _rejection(value: str | None) -> dict[str, float]:
+def _rejection(value: str | None) -> dict[str, Any]:
     if value is None:
         return {}
     number, key = (value[:-2], "classify__reject_sd") if value.endswith("sd") else (value, "classify__reject")
