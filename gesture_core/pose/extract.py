@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import TYPE_CHECKING
@@ -38,13 +39,14 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
     from gesture_core.pose.models import find_model
 
     pose = settings.pose
-    options = {
-        "height": pose.height,
-        "score": pose.score,
-        "threads": threads,
-        **settings.plugin_options(pose.backend),
-    }
-    backend: PoseBackend = registry().make("pose", pose.backend, options, model=find_model(pose.model))
+    found = registry()
+    # A backend takes what it knows: one that asks a service has no height and no threads.
+    takes = inspect.signature(found.load("pose", pose.backend)).parameters
+    every = any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes.values())
+    common = {"height": pose.height, "score": pose.score, "threads": threads}
+    options = {name: value for name, value in common.items() if every or name in takes}
+    options |= settings.plugin_options(pose.backend)
+    backend: PoseBackend = found.make("pose", pose.backend, options, model=find_model(pose.model))
     return backend
 
 

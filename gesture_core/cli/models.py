@@ -1,0 +1,140 @@
+"""``gesture models``: which pose networks there are, which hash and licence, and adding others."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any
+
+import cyclopts
+from cyclopts import Parameter
+
+from gesture_core.errors import ModelError
+
+app = cyclopts.App(
+    name="models",
+    help="List, add and verify pose networks.",
+    help_format="plaintext",
+    default_parameter=Parameter(negative=()),
+)
+
+
+@app.default
+def list_models() -> int:
+    """List the networks that are here, and the public ones that can be added."""
+    from gesture_core.cli.screen import print_table
+    from gesture_core.paths import models_dir
+    from gesture_core.pose.added import added_names, read_card
+    from gesture_core.pose.known import known_models
+    from gesture_core.pose.models import find_model
+
+    here, more = [], []
+    for name in added_names():
+        try:
+            card = read_card(name)
+        except ModelError as error:
+            here.append((name, f"broken: {error.cause}", "", "", "", str(models_dir() / name)))
+            continue
+        here.append((name, "added", *_facts(card.contract), card.sha256[:12], card.licence, str(card.path)))
+    for known in known_models().values():
+        if known.name in added_names():
+            continue
+        path = known.packaged_path
+        if path is not None:
+            hash_ = find_model(known.name).sha256[:12]
+            facts = _facts(known.contract)
+            here.append((known.name, "packaged", *facts, hash_, known.licence, str(path)))
+        else:
+            where = "missing from this installation" if known.packaged else known.where
+            more.append((known.name, known.summary, known.licence, where))
+    print_table(("name", "status", "output", "input", "sha256", "licence", "file"), here)
+    if more:
+        print("Known, not here; bring the file with: gesture models add FILE")
+        print_table(("name", "what it is", "licence", "where to get it"), more)
+    return 0
+
+
+app.command(list_models, name="list")
+
+
+@app.command
+def add(
+    source: str,
+    *,
+    name: str = "",
+    sha256: str = "",
+    licence: str = "",
+    contract: Annotated[
+        tuple[str, ...],
+        Parameter(consume_multiple=False, help="A fact about the network, as key=value; may be repeated."),
+    ] = (),
+    replace: bool = False,
+) -> int:
+    """Add a pose network from a file or an https address, under a name for --model.
+
+    Parameters
+    ----------
+    source
+        An .onnx, .pb or .caffemodel file, or its address. An address needs --sha256.
+    name
+        By default that of the known network with this hash, or the file's own.
+    sha256
+        The hash that the file must have.
+    licence
+        Of the weights, as a note.
+    contract
+        Overrides what the file says, such as colour=rgb or "mean=[128, 128, 128]".
+    replace
+        Replace the model of this name.
+    """
+    from gesture_core.pose.adding import add_model
+
+    options: dict[str, Any] = {
+        "contract": dict(map(_fact, contract)),
+        "licence": licence,
+        "sha256": sha256,
+        "replace": replace,
+    }
+    if "://" in source:
+        from gesture_core.pose.download import downloaded
+
+        with downloaded(source, sha256, progress=sys.stderr.isatty()) as path:
+            card = add_model(path, name or "", origin=source, **options)
+    else:
+        card = add_model(Path(source).expanduser(), name, **options)
+    print(f"added {card.name}: {card.path}\nsha256 {card.sha256}")
+    print("  ".join(part for part in (*_facts(card.contract), card.licence) if part))
+    print(f"use it with: --model {card.name}")
+    return 0
+
+
+@app.command
+def verify() -> int:
+    """Check every network that is here against its hash; exit with 3 where one differs."""
+    from gesture_core.cli.screen import print_table
+    from gesture_core.pose.adding import verify_models
+
+    found = verify_models()
+    print_table(
+        ("name", "status", "file"), [(name, trouble or "ok", str(path)) for name, path, trouble in found]
+    )
+    return 3 if any(trouble for _, _, trouble in found) else 0
+
+
+def _facts(contract: Any) -> tuple[str, str]:
+    """Output and input of a network, in words."""
+    if contract is None:
+        return "seen at the first run", ""
+    size = "x".join(map(str, reversed(contract.input_size))) if contract.input_size else "any size"
+    return f"{contract.layout} {contract.skeleton}", f"{size} {contract.colour}"
+
+
+def _fact(text: str) -> tuple[str, Any]:
+    key, equals, value = text.partition("=")
+    if not equals:
+        raise ModelError(f"--contract {text!r}", remedy="key=value", code="E_MODEL_CONTRACT")
+    try:
+        return key.strip(), tomllib.loads(f"v = {value}")["v"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value.strip()

@@ -1,0 +1,155 @@
+"""Takes pose networks into the user's folder, and checks that they are still what they were."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from gesture_core.errors import ModelError
+from gesture_core.paths import models_dir
+from gesture_core.pose.added import CARD, AddedModel, added_names, check_name, read_card
+from gesture_core.pose.contracts import ModelContract
+from gesture_core.pose.known import KnownModel, known_by_hash, known_models
+from gesture_core.pose.model_file import ModelFile, read_bounded
+from gesture_core.pose.models import file_model
+
+_PROTOTXT_LIMIT = 1 << 20
+
+
+def add_model(
+    source: Path,
+    name: str = "",
+    *,
+    contract: Mapping[str, Any] | None = None,
+    licence: str = "",
+    sha256: str = "",
+    origin: str = "",
+    replace: bool = False,
+) -> AddedModel:
+    """Copy a model file into the user's folder under a name.
+
+    Parameters
+    ----------
+    source : path
+        An ONNX, TensorFlow or Caffe file; a Caffe file has its ``.prototxt`` beside it.
+    name : str
+        By default that of the known network with this hash, else the file's own, made a name.
+    contract : mapping
+        Fields of `ModelContract` that override what the hash, the name or the file say.
+    licence, origin : str
+        To be shown by `gesture models`.
+    sha256 : str
+        The hash that the file must have.
+    replace : bool
+        Whether a model of this name may be replaced.
+
+    Raises
+    ------
+    ModelError
+        ``E_MODEL_HASH`` for another hash, ``E_MODEL_EXISTS`` where the name is taken, and others
+        from reading the file. The folder is then as it was.
+    """
+    found = file_model(source)
+    check_hash(found.sha256, sha256, str(source))
+    known = known_by_hash(found.sha256) or known_models().get(name)
+    name = check_name(name or (known.name if known else _name_of(source)))
+    if known_models().get(name) and known_models()[name].packaged:
+        raise ModelError(
+            f"{name!r} is the package's own network", remedy="another --name", code="E_MODEL_EXISTS"
+        )
+    card = {
+        "file": f"model{source.suffix.lower()}",
+        "sha256": found.sha256,
+        "licence": licence or (known.licence if known else ""),
+        "origin": origin or str(source),
+        "contract": _contract(found, known, contract or {}),
+    }
+    _store(name, found, card, replace)
+    return read_card(name)
+
+
+def check_hash(actual: str, wanted: str, subject: str) -> None:
+    """Raise ``E_MODEL_HASH`` where a hash was asked for and it is another."""
+    if wanted and not re.fullmatch(r"[0-9a-f]{64}", wanted.lower()):
+        raise ModelError(f"{wanted!r} is no SHA-256", remedy="64 hexadecimal digits", code="E_MODEL_HASH")
+    if wanted and actual != wanted.lower():
+        raise ModelError(
+            f"its SHA-256 is {actual}, expected {wanted.lower()}",
+            subject=subject,
+            kept="nothing of it",
+            remedy="get the file again from its source",
+            code="E_MODEL_HASH",
+        )
+
+
+def verify_models() -> list[tuple[str, Path, str]]:
+    """Name, file and what is wrong (empty: nothing) of every model of the package and the user."""
+    found = []
+    for name in added_names():
+        path, trouble = models_dir() / name, ""
+        try:
+            card = read_card(name)
+            path = card.path
+            check_hash(hashlib.sha256(read_bounded(path)).hexdigest(), card.sha256, str(path))
+        except ModelError as error:
+            trouble = f"{error.code} {error.cause}"
+        found.append((name, path, trouble))
+    for known in known_models().values():
+        packaged = known.packaged_path
+        if packaged is None:
+            continue
+        actual = hashlib.sha256(read_bounded(packaged)).hexdigest()
+        wrong = bool(known.sha256) and actual not in known.sha256
+        found.append((known.name, packaged, f"E_MODEL_HASH its SHA-256 is {actual}" if wrong else ""))
+    return found
+
+
+def _name_of(source: Path) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", source.stem.lower()).strip("-") or "model"
+
+
+def _contract(
+    found: ModelFile, known: KnownModel | None, changes: Mapping[str, Any]
+) -> dict[str, Any] | None:
+    base = known.contract if known else found.contract
+    table = asdict(base) if base else {}
+    table.pop("licence", None)
+    table.update(changes)
+    return asdict(ModelContract.from_table(table, found.name)) if table else None
+
+
+def _store(name: str, found: ModelFile, card: Mapping[str, Any], replace: bool) -> None:
+    """Fill a folder beside the final one, then give it its name: no half-added model is ever seen."""
+    folder = models_dir()
+    target = folder / name
+    if target.exists() and not replace:
+        raise ModelError(
+            f"there is a model {name!r}",
+            subject=str(target),
+            kept="that one",
+            remedy="--replace, or another --name",
+            code="E_MODEL_EXISTS",
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    new = Path(tempfile.mkdtemp(prefix=".adding-", dir=folder))
+    try:
+        (new / card["file"]).write_bytes(found.read())
+        if found.path.suffix.lower() == ".caffemodel":
+            (new / "model.prototxt").write_bytes(read_bounded(found.prototxt, _PROTOTXT_LIMIT))
+        (new / CARD).write_text(json.dumps(card, indent=2) + "\n", "utf-8")
+        if target.exists():
+            old = Path(tempfile.mkdtemp(prefix=".old-", dir=folder))
+            target.replace(old / name)
+            new.replace(target)
+            shutil.rmtree(old)
+        else:
+            new.replace(target)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
