@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -33,15 +33,17 @@ class Chain:
     filters : tuple of Filter
     selector : Selector
     gaps : GapRule
-    names : mapping
-        What each step is called, for error messages.
+    allow_still : bool
+        Let sequences pass in which no channel moves. An example with salient channels can still
+        be compared with them (the paper's union of both selections), but a person who stands
+        still is then given the label of some gesture.
     """
 
     normalizer: Normalizer
     filters: tuple[Filter, ...]
     selector: Selector
     gaps: GapRule = field(default_factory=GapRule)
-    names: Mapping[str, str] = field(default_factory=dict)
+    allow_still: bool = False
 
     @classmethod
     def from_settings(cls, settings: Settings) -> Chain:
@@ -62,7 +64,6 @@ class Chain:
             tuple(_make(settings, "filter", name) for name in chosen.filters),
             _make(settings, "selector", chosen.selector),
             rule,
-            {"normalizer": chosen.normalizer, "selector": chosen.selector},
         )
 
     def __call__(self, pose: PoseSequence) -> Signals:
@@ -97,7 +98,7 @@ class Chain:
             signals = _guard(step, "apply", signals)
             if not isinstance(signals, Signals):
                 raise _broke(step, f"returned {type(signals).__name__} instead of Signals")
-        if not signals.selected:
+        if not (self.allow_still or signals.selected):
             raise SignalError(
                 "no channel moves enough to be compared; a person who stands still makes no gesture",
                 subject=pose.source,

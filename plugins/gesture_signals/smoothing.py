@@ -52,7 +52,7 @@ class Median:
             raise ValueError(f"radius {self.radius} is not a whole number of frames")
 
     def apply(self, signals: Signals) -> Signals:
-        """The filtered signals; the ends are continued by their last value."""
+        """The filtered signals; the ends are mirrored."""
         return replace(signals, values=running_median(signals.values, self.radius))
 
 
@@ -62,4 +62,4 @@ def running_median(values: np.ndarray, radius: int) -> np.ndarray:
         return values
     from scipy.ndimage import median_filter
 
-    return median_filter(values.astype(np.float64), size=(2 * radius + 1, 1), mode="nearest")
+    return median_filter(values.astype(np.float64), size=(2 * radius + 1, 1), mode="mirror")
