@@ -7,13 +7,14 @@ import math
 from gesture_core.media.info import Ledger
 
 DEFAULT_FPS = 25.0
+_LEAP = 3600.0
 
 
 class Clock:
     """Turns the container's stamps into seconds that never decrease.
 
-    A stamp that runs backwards starts a new stretch, one frame after the last: what follows keeps
-    its pace. An absent stamp is one frame after the last.
+    A stamp that runs backwards, or an hour ahead, starts a new stretch, one frame after the last: what
+    follows keeps its pace. An absent stamp is one frame after the last.
 
     Parameters
     ----------
@@ -40,9 +41,15 @@ class Clock:
             time = following
         else:
             time = stamp + self._offset
-            if self._last is not None and time < self._last:
+            before = 0.0 if self._last is None else self._last
+            if time - before > _LEAP:
+                self._ledger.damage("time stamp more than an hour after the last")
+            elif self._last is not None and time < self._last:
                 self._ledger.note("time stamps run backwards, continued from the last")
-                self._offset += following - time
-                time = following
+            else:
+                self._last = time
+                return time
+            self._offset += following - time
+            time = following
         self._last = time
         return time

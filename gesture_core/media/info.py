@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+MAX_NOTES = 12
+
 
 @dataclass(frozen=True)
 class MediaInfo:
@@ -80,13 +82,15 @@ class Ledger:
     notes: dict[str, int] = field(default_factory=dict)
 
     def damage(self, clause: str, count: int = 1) -> None:
-        """Count damage and say what it was."""
+        """Say what was damaged; ``count`` is how many packets or frames the clause speaks of."""
         self.damaged += count
-        self.note(clause, count)
+        self.note(clause)
 
-    def note(self, clause: str, count: int = 1) -> None:
-        """Say something that is worth knowing and harmless."""
-        self.notes[clause] = self.notes.get(clause, 0) + count
+    def note(self, clause: str) -> None:
+        """Say something that is worth knowing and harmless; a hostile file cannot say it without end."""
+        if clause not in self.notes and len(self.notes) >= MAX_NOTES:
+            clause = "and more"
+        self.notes[clause] = self.notes.get(clause, 0) + 1
 
     def clauses(self) -> tuple[str, ...]:
         """The notes as text, with their count where it is above one."""

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from gesture_core.errors import ConfigError
 
+# Containers that count in milliseconds claim 1000 frames/s where they know of none.
+MAX_FPS = 500.0
+
 
 @dataclass(frozen=True)
 class Limits:

@@ -16,7 +16,7 @@ import numpy as np
 
 from gesture_core.errors import MediaError
 from gesture_core.media.info import Ledger, MediaInfo
-from gesture_core.media.limits import Limits
+from gesture_core.media.limits import MAX_FPS, Limits
 from gesture_core.media.sniff import CONTAINERS, printable
 from gesture_core.media.upright import quarter_turns
 
@@ -25,7 +25,11 @@ _RETRIES = 16
 # Containers with a table of samples; elsewhere OpenCV's frame count is duration times rate.
 _EXACT_COUNTS = frozenset({"mov", "avi", "gif"})
 _MIN_BYTES_PER_FRAME = 8
-_MAX_FPS = 500.0
+# What marks a picture track in the header of a container, and what marks other tracks.
+_PICTURE_TRACKS = {"mov": (b"vide", b"soun subt text"), "matroska": (b"V_", b"A_ S_")}
+_SEARCHED = 4 << 20
+# Streams without a container have no time stamps; OpenCV says 0 of each frame.
+_UNTIMED = frozenset({"h264", "hevc", "mpegvideo", "mjpeg"})
 _OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 
 
@@ -55,11 +59,7 @@ class OpenCvSource:
         self._capture = _capture(file, path)
         try:
             if not self._capture.isOpened():
-                raise self._error(
-                    "OpenCV finds no video stream that it can decode",
-                    "E_MEDIA_BROKEN",
-                    "pip install 'gesture-core[video]', whose reader names the cause",
-                )
+                raise self._unopened(file)
             self._first = self._open()
             self.info = self._describe(self._first[1])
         except BaseException:
@@ -80,6 +80,19 @@ class OpenCvSource:
             )
         return first
 
+    def _unopened(self, file: BinaryIO) -> MediaError:
+        """OpenCV does not say why it fails; a container that names no picture track is told apart here."""
+        mark, kinds = _PICTURE_TRACKS.get(self._container, (b"", b""))
+        head = os.pread(file.fileno(), _SEARCHED, 0) if hasattr(os, "pread") else b""
+        tail = os.pread(file.fileno(), _SEARCHED, max(0, self._size - _SEARCHED)) if head else b""
+        if mark and mark not in head + tail and any(kind in head + tail for kind in kinds.split()):
+            return self._error("holds no video stream", "E_MEDIA_NO_VIDEO", "leave it out")
+        return self._error(
+            "OpenCV finds no video stream that it can decode",
+            "E_MEDIA_BROKEN",
+            "pip install 'gesture-core[video]', whose reader names the cause",
+        )
+
     def _describe(self, first: np.ndarray) -> MediaInfo:
         import cv2
 
@@ -92,7 +105,7 @@ class OpenCvSource:
             width=width,
             height=height,
             frames_declared=self._declared(),
-            fps=fps if 0 < fps <= _MAX_FPS else None,
+            fps=fps if 0 < fps <= MAX_FPS else None,
             rotation=rotation,
             codec=_fourcc(self._get(cv2.CAP_PROP_FOURCC)),
             container=self._container,
@@ -106,7 +119,7 @@ class OpenCvSource:
         count, fps = self._get(cv2.CAP_PROP_FRAME_COUNT), self._get(cv2.CAP_PROP_FPS)
         believable = (
             0 < count <= self._limits.max_frames
-            and 0 < fps <= _MAX_FPS
+            and 0 < fps <= MAX_FPS
             and count * _MIN_BYTES_PER_FRAME <= self._size
         )
         return int(count) if believable else None
@@ -136,9 +149,14 @@ class OpenCvSource:
                 if attempt:
                     self._ledger.damage("packet that OpenCV could not decode")
                 self._check_size(frame.shape[1], frame.shape[0])
-                stamp = self._get(cv2.CAP_PROP_POS_MSEC) / 1000
-                return (stamp if abs(stamp) < 1e12 else None), _three_channels(frame)
+                return self._stamp(), _three_channels(frame)
         return None
+
+    def _stamp(self) -> float | None:
+        import cv2
+
+        seconds = self._get(cv2.CAP_PROP_POS_MSEC) / 1000
+        return seconds if self._container not in _UNTIMED and abs(seconds) < 1e12 else None
 
     def _settle(self, count: int) -> None:
         declared = self.info.frames_declared
@@ -151,7 +169,9 @@ class OpenCvSource:
         # Rounding, and sound that runs on after the picture, make an estimated count too high.
         tolerance = 0 if self._container in _EXACT_COUNTS else max(2, declared // 20)
         if absent > tolerance:
-            self._ledger.damage(f"{absent} of {declared} declared frames did not come", absent)
+            self._ledger.damage(
+                f"{absent} of {declared} declared frames did not come: lost, or cut by an edit list", absent
+            )
 
     def _check_size(self, width: float, height: float) -> None:
         if width * height > self._limits.max_pixels:

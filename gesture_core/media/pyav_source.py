@@ -17,13 +17,18 @@ from typing import Any, BinaryIO, NoReturn
 import numpy as np
 
 from gesture_core.errors import MediaError
+from gesture_core.media.account import Account
+from gesture_core.media.edits import read_edits
 from gesture_core.media.info import Ledger, MediaInfo
-from gesture_core.media.limits import Limits
+from gesture_core.media.limits import MAX_FPS, Limits
 from gesture_core.media.sniff import printable
 from gesture_core.media.upright import quarter_turns
 
 # A demuxer that fails this often in a row has lost its place for good.
 _MAX_DEMUX_ERRORS = 32
+# Containers without a count of frames, whose header is written last and holds the duration, and by how
+# many frames the last packet may miss it: FLV does not say how long packets last.
+_DURATION_HOLDS = {"matroska": 0.6, "flv": 2.5}
 _levels: list[Any] = []
 _levels_lock = threading.Lock()
 
@@ -59,10 +64,11 @@ class PyAvSource:
         limits: Limits,
         ledger: Ledger,
     ) -> None:
+        self._file = file
         self._subject = printable(path)
         self._limits = limits
         self._ledger = ledger
-        self._tally = _Tally()
+        self._account = Account()
         self._listening = True
         _listen()
         try:
@@ -95,14 +101,20 @@ class PyAvSource:
                 container_options={"max_streams": str(self._limits.max_streams)},
             )
             self._stream: Any = self._container.streams.best("video")
+        if not len(self._container.streams):
+            raise self._error(
+                "its container holds no stream at all", "E_MEDIA_BROKEN", "copy it again from where it came"
+            )
         if self._stream is None or self._stream.disposition & av.stream.Disposition.attached_pic:
             kinds = sorted({stream.type for stream in self._container.streams})
             raise self._error(
-                f"holds no video stream ({', '.join(kinds) or 'nothing at all'})",
+                f"holds no video stream ({', '.join(kinds)})",
                 "E_MEDIA_NO_VIDEO",
                 "leave it out",
             )
         context = self._stream.codec_context
+        if context is None:
+            raise self._error("no decoder for its codec", "E_MEDIA_CODEC", "re-encode it")
         self._check_size(context.width, context.height)
         # One thread: errors belong to the packet at hand, and logs arrive on this thread.
         context.thread_count = 1
@@ -111,7 +123,7 @@ class PyAvSource:
     def _describe(self, first: Any, container: str) -> MediaInfo:
         stream = self._stream
         rotation, mirrored = _orientation(first)
-        rate = stream.average_rate or stream.guessed_rate
+        rates = [float(rate) for rate in (stream.average_rate, stream.guessed_rate) if rate]
         width, height = first.width, first.height
         if rotation % 180:
             width, height = height, width
@@ -119,7 +131,7 @@ class PyAvSource:
             width=width,
             height=height,
             frames_declared=self._declared(),
-            fps=float(rate) if rate and 0 < rate <= 1000 else None,
+            fps=next((rate for rate in rates if 0 < rate <= MAX_FPS), None),
             rotation=rotation,
             codec=stream.codec_context.codec.canonical_name,
             container=container,
@@ -128,8 +140,15 @@ class PyAvSource:
         )
 
     def _declared(self) -> int | None:
-        frames = self._stream.frames
+        frames = self._stream.frames or _tagged_frames(self._stream.metadata)
         return frames if 0 < frames <= self._limits.max_frames else None
+
+    def _duration(self, cut: bool) -> float | None:
+        """Seconds that the header promises; elsewhere than here the figure is a guess or often wrong."""
+        stream, whole = self._stream, self._container.duration
+        if cut:
+            return float(stream.duration * stream.time_base) if stream.duration else None
+        return whole / 1e6 if whole and self.info.container in _DURATION_HOLDS else None
 
     def __iter__(self) -> Iterator[tuple[float | None, np.ndarray]]:
         first, self._first = self._first, None
@@ -137,7 +156,22 @@ class PyAvSource:
             yield self._stamp(first), self._picture(first)
         for frame in self._frames:
             yield self._stamp(frame), self._picture(frame)
-        self._settle()
+        declared = self._declared()
+        if declared and self.info.container == "mov":
+            # Absent from older releases of PyAV; then a trimmed file counts as short.
+            index = len(getattr(self._stream, "index_entries", ()))
+            self._account.trimmed = max(0, declared - index) if index else 0
+        cut = self._account.cut and self.info.container == "mov"
+        if cut:
+            edits = read_edits(self._file, self._stream.id)
+            if edits is not None and edits.doubt:
+                self._ledger.damage(f"frames hidden by a header that contradicts itself: {edits.doubt}")
+        self._account.settle(
+            self._ledger,
+            declared=declared,
+            duration=self._duration(cut),
+            tolerance=_DURATION_HOLDS.get(self.info.container, 0.6),
+        )
 
     def close(self) -> None:
         """Release the decoder."""
@@ -170,8 +204,8 @@ class PyAvSource:
     def _packets(self) -> Iterator[Any]:
         failures = 0
         while failures < _MAX_DEMUX_ERRORS:
-            before = self._tally.packets
-            packets = self._container.demux(self._stream)
+            before = self._account.packets
+            packets = self._container.demux()
             while True:
                 with self._heard() as step:
                     packet = next(packets, None)
@@ -179,16 +213,26 @@ class PyAvSource:
                     break
                 if packet is None:
                     return
+                if packet.size:
+                    self._account.passed(packet.pos, packet.size, self._end_of(packet))
+                if packet.stream_index != self._stream.index:
+                    continue
                 if packet.size == 0:
                     # The demuxer ends with one; inside a file it means "the last picture again".
-                    self._tally.empty += packet.dts is not None
+                    self._account.empty += packet.dts is not None
                     continue
-                self._tally.packets += 1
-                self._tally.hidden += packet.is_discard or self._invisible(packet)
+                self._account.packets += 1
+                self._account.hidden += packet.is_discard
+                self._account.unshown += self._unshown(packet)
                 yield packet
-            failures = 0 if self._tally.packets > before else failures + 1
+            failures = 0 if self._account.packets > before else failures + 1
 
-    def _invisible(self, packet: Any) -> bool:
+    def _end_of(self, packet: Any) -> float:
+        if packet.pts is None:
+            return 0.0
+        return float((packet.pts + (packet.duration or 0)) * packet.time_base)
+
+    def _unshown(self, packet: Any) -> bool:
         """Whether a VP8 packet only refreshes a reference picture (RFC 6386, section 9.1: show_frame)."""
         if self._stream.codec_context.codec.canonical_name != "vp8":
             return False
@@ -203,20 +247,10 @@ class PyAvSource:
             if any(frame.is_corrupt for frame in frames):
                 step.damage("frame with damaged parts")
         if step.failed and packet is not None:
-            self._tally.refused += 1
-        self._tally.frames += len(frames)
+            self._account.refused += 1
+        self._account.frames += len(frames)
+        self._account.stamps += [stamp for frame in frames if (stamp := self._stamp(frame)) is not None]
         return frames
-
-    def _settle(self) -> None:
-        """Compare what came with what was promised, once the file has ended."""
-        tally = self._tally
-        declared = self._declared() or 0
-        absent = declared - tally.packets - tally.empty
-        if absent > 0:
-            self._ledger.damage(f"{absent} of {declared} declared frames are not in the file", absent)
-        silent = tally.packets - tally.hidden - tally.refused - tally.frames
-        if silent > 0:
-            self._ledger.damage(f"{silent} packets gave no frame", silent)
 
     def _check_size(self, width: int, height: int) -> None:
         if width * height > self._limits.max_pixels:
@@ -257,17 +291,6 @@ class PyAvSource:
         return MediaError(cause, subject=self._subject, remedy=remedy, code=code)
 
 
-class _Tally:
-    """Counts of what passed through the demuxer and the decoder."""
-
-    def __init__(self) -> None:
-        self.packets = 0
-        self.empty = 0
-        self.hidden = 0
-        self.refused = 0
-        self.frames = 0
-
-
 class _Step:
     """One call into FFmpeg: whether it failed, and the first sign of damage."""
 
@@ -277,6 +300,14 @@ class _Step:
 
     def damage(self, clause: str) -> None:
         self.clause = self.clause or clause
+
+
+def _tagged_frames(metadata: dict[str, str]) -> int:
+    """The number of frames among Matroska's statistics tags, 0 where there is none."""
+    for key, value in metadata.items():
+        if key.upper().startswith("NUMBER_OF_FRAMES") and value.isascii() and value.isdigit():
+            return int(value[:12])
+    return 0
 
 
 def _cause(error: Exception) -> str:

@@ -1,0 +1,135 @@
+"""Whether an ISO file's edit list, which hides frames, agrees with the rest of its header.
+
+A trimmed film hides frames on purpose, a flipped bit by accident. Trimming leaves the header consistent:
+the track is as long as its edits (ISO 14496-12, sections 8.3.2 and 8.6.6), and clocks tick at rates
+that writers use.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import BinaryIO
+
+_MAX_HEADER = 64 << 20
+_MAX_BOXES = 100_000
+# Writers take a round number, a multiple of the frame rate, or 512 ticks a frame.
+_ROUND = (100, 512, 11025, 999)
+
+
+@dataclass(frozen=True)
+class Edits:
+    """Clocks and lengths that a track's header states; lengths in ticks of the movie's clock."""
+
+    movie_clock: int
+    media_clock: int
+    track_length: int
+    edits_length: int
+    media_length: int
+    samples_length: int
+
+    @property
+    def doubt(self) -> str:
+        """What contradicts what; empty where all agrees."""
+        if abs(self.track_length - self.edits_length) > max(2, self.track_length // 500):
+            return f"edits of {self.edits_length} ticks in a track of {self.track_length}"
+        if abs(self.media_length - self.samples_length) > max(2, self.media_length // 50):
+            return f"samples of {self.samples_length} ticks in a medium of {self.media_length}"
+        for clock in (self.movie_clock, self.media_clock):
+            if clock > 100_000_000 or all(clock % unit for unit in _ROUND):
+                return f"a clock of {clock} ticks a second"
+        return ""
+
+
+def read_edits(file: BinaryIO, track: int) -> Edits | None:
+    """The edits of track number ``track``; None where the header holds none or cannot be parsed.
+
+    The file's position is kept.
+    """
+    position = file.tell()
+    try:
+        header = _movie_header(file)
+        return _edits(header, track) if header else None
+    except (struct.error, IndexError):
+        return None
+    finally:
+        file.seek(position)
+
+
+def _movie_header(file: BinaryIO) -> bytes:
+    file.seek(0)
+    at = 0
+    for _ in range(_MAX_BOXES):
+        file.seek(at)
+        size, kind, body = _box(file.read(16))
+        if kind == b"moov":
+            file.seek(at + body)
+            return file.read(min(size - body, _MAX_HEADER)) if size else file.read(_MAX_HEADER)
+        if size < 8:
+            return b""
+        at += size
+    return b""
+
+
+def _box(head: bytes) -> tuple[int, bytes, int]:
+    """Size, kind and length of the header of the box that begins ``head``."""
+    size, kind = struct.unpack_from(">I4s", head)
+    if size == 1:
+        return struct.unpack_from(">Q", head, 8)[0], kind, 16
+    return size, kind, 8
+
+
+def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    at = 0
+    for _ in range(_MAX_BOXES):
+        if at + 8 > len(data):
+            return
+        size, kind, body = _box(data[at : at + 16].ljust(16, b"\0"))
+        if size < body:
+            return
+        yield kind, data[at + body : at + size]
+        at += size
+
+
+def _child(data: bytes, *path: bytes) -> bytes:
+    for name in path:
+        data = next((body for kind, body in _boxes(data) if kind == name), b"")
+    return data
+
+
+def _edits(header: bytes, track: int) -> Edits | None:
+    movie = _child(header, b"mvhd")
+    for kind, body in _boxes(header):
+        if kind != b"trak":
+            continue
+        number, length = _fields(_child(body, b"tkhd"), ">III4xI", ">QQI4xQ", 2, 3)
+        edits = _child(body, b"edts", b"elst")
+        if number != track or not edits:
+            continue
+        clock, media_length = _fields(_child(body, b"mdia", b"mdhd"), ">IIII", ">QQIQ", 2, 3)
+        steps = _child(body, b"mdia", b"minf", b"stbl", b"stts")
+        return Edits(
+            movie_clock=_fields(movie, ">III", ">QQI", 2)[0],
+            media_clock=clock,
+            track_length=length,
+            edits_length=_total(edits, ">IiI", ">QqI", lambda entry: entry[0]),
+            media_length=media_length,
+            samples_length=_total(steps, ">II", ">II", lambda entry: entry[0] * entry[1]),
+        )
+    return None
+
+
+def _fields(box: bytes, short: str, long: str, *wanted: int) -> tuple[int, ...]:
+    """Numbers at the places ``wanted`` of a full box, whose version decides its field widths."""
+    values = struct.unpack_from(long if box[0] == 1 else short, box, 4)
+    return tuple(values[index] for index in wanted)
+
+
+def _total(box: bytes, short: str, long: str, value: Callable[[tuple[int, ...]], int]) -> int:
+    """Sum of ``value`` over the entries of a full box that holds a table."""
+    form = long if box[0] == 1 else short
+    (count,) = struct.unpack_from(">I", box, 4)
+    size = struct.calcsize(form)
+    count = min(count, (len(box) - 8) // size)
+    return sum(value(struct.unpack_from(form, box, 8 + index * size)) for index in range(count))
