@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from gesture_core.demo.archive import DemoArchive
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -30,3 +34,21 @@ def shared() -> Path:
 def shared_models() -> Path:
     """The folder of pose networks beside the repository; skips with a reason where it is absent."""
     return _shared_folder("models")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_folders(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Tests never read or write the user's cache, models or settings."""
+    for name in [name for name in os.environ if name.startswith("GESTURE_") and name != "GESTURE_SHARED"]:
+        del os.environ[name]
+    os.environ["GESTURE_CACHE"] = str(tmp_path_factory.mktemp("cache"))
+    os.environ["GESTURE_MODELS"] = str(tmp_path_factory.mktemp("models"))
+    os.environ["GESTURE_OFFLINE"] = "1"
+
+
+@pytest.fixture(scope="session")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> DemoArchive:
+    """The demonstration archive, smaller: six gestures, two queries and one example of each."""
+    from gesture_core.demo.archive import write_archive
+
+    return write_archive(tmp_path_factory.mktemp("drawn"), queries=2, examples=1, seed=7)

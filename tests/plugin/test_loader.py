@@ -1,0 +1,137 @@
+"""A broken plugin costs its own name and nothing else."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from conftest import ROOT
+from distributions import gesture, make_distribution
+
+from gesture_core.errors import ConfigError, MissingDependencyError, PluginError
+from gesture_core.plugin import hookimpl, registry
+from gesture_core.plugin.kinds import KINDS
+from gesture_core.plugin.loader import load_registry, register_module
+from gesture_core.plugin.registry import Origin, Registry
+
+
+def registered(hook: str, *calls: dict, origin: str = "other", found: Registry | None = None) -> Registry:
+    """A registry after a plugin from ``origin`` made ``calls`` in ``hook``."""
+
+    def implementation(register) -> None:  # type: ignore[no-untyped-def]
+        for call in calls:
+            register(**call)
+
+    found = found or Registry()
+    module = SimpleNamespace(**{hook: hookimpl(implementation)})
+    register_module(found, module, Origin("point", origin, "1.0"))
+    return found
+
+
+def test_all_built_in_plugins_import() -> None:
+    found = registry()
+    assert not found.faults
+    for kind, name in found.entries:
+        if not found.find(kind, name).missing:
+            assert found.load(kind, name)
+
+
+def test_every_kind_has_a_hook_that_the_readme_documents() -> None:
+    text = (ROOT / "README.md").read_text("utf-8")
+    for kind in KINDS.values():
+        assert f"`{kind.hook}`" in text, f"README documents no {kind.hook}"
+
+
+def test_an_unknown_name_lists_the_nearest() -> None:
+    with pytest.raises(PluginError, match="did you mean 'gaussian'") as caught:
+        registry().find("filter", "gausian")
+    assert caught.value.code == "E_PLUGIN_UNKNOWN"
+
+
+def test_two_distributions_with_one_name_make_it_ambiguous() -> None:
+    call = {"name": "soft", "target": "json:JSONDecoder"}
+    found = registered("register_filters", call, origin="first")
+    registered("register_filters", call, origin="second", found=found)
+    with pytest.raises(PluginError, match=r"first 1\.0 and second 1\.0"):
+        found.find("filter", "soft")
+    assert found.names("filter", usable=True) == ()
+
+
+def test_mistakes_become_faults() -> None:
+    found = registered(
+        "register_filters",
+        {"name": "good", "target": "json:JSONDecoder"},
+        {"name": "good", "target": "json:JSONEncoder"},
+        {"name": "Bad Name", "target": "json:JSONDecoder"},
+        {"name": "bad-target", "target": "json"},
+    )
+    assert found.load("filter", "good").__name__ == "JSONDecoder"
+    assert [fault.name for fault in found.faults] == ["good", "Bad Name", "bad-target"]
+    misspelled = registered("register_filtres", {"name": "x", "target": "json:loads"})
+    assert "register_filters" in misspelled.faults[0].cause
+
+
+def test_a_hook_that_raises_costs_only_its_own_kind() -> None:
+    def fails(register) -> None:  # type: ignore[no-untyped-def]
+        register(name="early", target="json:loads")
+        raise SystemExit("no")
+
+    def works(register) -> None:  # type: ignore[no-untyped-def]
+        register(name="fine", target="json:loads")
+
+    found = Registry()
+    module = SimpleNamespace(register_filters=hookimpl(fails), register_selectors=hookimpl(works))
+    register_module(found, module, Origin("point", "other", "1.0"))
+    assert found.find("selector", "fine")
+    assert "SystemExit" in found.faults[0].cause
+
+
+def test_an_import_error_is_a_fault_and_is_named_when_asked_for() -> None:
+    point = EntryPoint("broken", "no_such_module_anywhere", "gesture_core")
+    found = load_registry([point])
+    assert "no_such_module_anywhere" in found.faults[0].cause
+    with pytest.raises(PluginError, match="no_such_module_anywhere"):
+        found.find("filter", "whatever")
+
+
+def test_a_missing_dependency_names_the_command() -> None:
+    found = registered(
+        "register_pose_backends",
+        {"name": "far", "target": "far:Far", "needs": ("no_such_module",), "extra": "far"},
+        origin="far-away",
+    )
+    with pytest.raises(MissingDependencyError, match=r"needs no_such_module: pip install 'far-away\[far\]'"):
+        found.load("pose", "far")
+
+
+def test_options_that_a_plugin_does_not_take_are_a_setting_error() -> None:
+    with pytest.raises(ConfigError, match="gaussian") as caught:
+        registry().make("filter", "gaussian", {"sigmaa": 2})
+    assert "gesture plugins gaussian" in str(caught.value)
+
+
+def test_a_broken_distribution_is_a_line_and_the_rest_works(tmp_path: Path) -> None:
+    make_distribution(tmp_path, "bad-import", "import no_such_module_anywhere\n")
+    make_distribution(tmp_path, "bad-exit", "raise SystemExit(3)\n")
+    make_distribution(
+        tmp_path,
+        "clash",
+        """
+        from gesture_core import hookimpl
+
+        @hookimpl
+        def register_filters(register):
+            register("gaussian", "json:JSONDecoder")
+        """,
+    )
+    listed = gesture("plugins", path=tmp_path)
+    assert listed.returncode == 0, listed.stderr
+    assert "no_such_module_anywhere" in listed.stdout
+    assert "SystemExit" in listed.stdout
+    assert "ambiguous" in listed.stdout
+    assert gesture("plugins", "--check", path=tmp_path).returncode == 3
+    asked = gesture("plugins", "gaussian", path=tmp_path)
+    assert asked.returncode != 0
+    assert "clash 1.0" in asked.stderr and "gesture-core" in asked.stderr

@@ -1,0 +1,127 @@
+"""The rules of the house: imports point one way, and nothing heavy is imported before it is used."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+CORE = ROOT / "gesture_core"
+HEAVY = {"jax", "torch", "cv2", "onnxruntime", "numba", "pyarrow", "av", "sklearn", "matplotlib"}
+FLOORS = [
+    {"errors", "paths", "__init__"},
+    {"skeletons"},
+    {"dtw.spec"},
+    {"types", "settings"},
+    {"plugin"},
+    {"media", "pose", "signals", "dtw", "demo"},
+    {"classify", "testing"},
+    {"archive"},
+    {"report"},
+    {"cli", "__main__"},
+]
+
+
+def floor(module: str) -> int:
+    """The floor of a module below ``gesture_core``; imports may only go down or stay."""
+    prefixes = {".".join(module.split(".")[:depth]) for depth in (1, 2)}
+    for level, names in enumerate(FLOORS):
+        if prefixes & names:
+            return level
+    raise AssertionError(f"{module} stands on no floor")
+
+
+def imports(path: Path, *, everywhere: bool) -> set[str]:
+    """Absolute modules that a file imports: at module level only, or everywhere."""
+    tree = ast.parse(path.read_text("utf-8"))
+    typing_only = {
+        id(child)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        for child in ast.walk(node)
+    }
+    nodes = ast.walk(tree) if everywhere else iter(tree.body)
+    found: set[str] = set()
+    for node in nodes:
+        if id(node) in typing_only:
+            continue
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found
+
+
+def module_name(path: Path) -> str:
+    return ".".join(path.relative_to(CORE).with_suffix("").parts).removesuffix(".__init__")
+
+
+CORE_FILES = sorted(CORE.rglob("*.py"))
+PLUGIN_FILES = [p for p in sorted((ROOT / "plugins").rglob("*.py")) if "training" not in p.parts]
+
+
+@pytest.mark.parametrize("path", CORE_FILES, ids=module_name)
+def test_core_imports_point_down(path: Path) -> None:
+    mine = floor(module_name(path))
+    for name in imports(path, everywhere=False):
+        if name.startswith("gesture_core."):
+            inner = name.removeprefix("gesture_core.")
+            if inner != "__version__":
+                assert floor(inner) <= mine, f"{module_name(path)} imports {name}"
+
+
+@pytest.mark.parametrize("path", CORE_FILES, ids=module_name)
+def test_core_never_imports_a_plugin_nor_anything_heavy_at_module_level(path: Path) -> None:
+    plugins = {p.name for p in (ROOT / "plugins").iterdir()}
+    assert not {name.split(".")[0] for name in imports(path, everywhere=True)} & plugins
+    assert not {name.split(".")[0] for name in imports(path, everywhere=False)} & HEAVY
+
+
+@pytest.mark.parametrize("path", PLUGIN_FILES, ids=lambda p: str(p.relative_to(ROOT / "plugins")))
+def test_plugins_import_neither_each_other_nor_the_upper_floors(path: Path) -> None:
+    own = path.relative_to(ROOT / "plugins").parts[0]
+    for name in imports(path, everywhere=True):
+        if name.startswith("gesture_") and not name.startswith("gesture_core"):
+            assert name.split(".")[0] == own, name
+        if name.startswith("gesture_core."):
+            assert floor(name.removeprefix("gesture_core.")) <= floor("dtw"), name
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "plugins").glob("*/hooks.py")), ids=lambda p: p.parent.name)
+def test_hooks_hold_registrations_only(path: Path) -> None:
+    allowed = {"gesture_core.plugin.specs", "gesture_core.plugin.specs.Register"}
+    allowed |= {"gesture_core.plugin.specs.hookimpl", "__future__", "__future__.annotations"}
+    assert imports(path, everywhere=True) <= allowed
+
+
+def loaded_by(code: str) -> set[str]:
+    """Top-level modules that a fresh interpreter has after ``code``."""
+    script = f"import sys\n{code}\nprint(*{{m.split('.')[0] for m in sys.modules}}, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return set(done.stderr.split())
+
+
+def test_importing_the_package_imports_no_numpy() -> None:
+    assert not loaded_by("import gesture_core") & (HEAVY | {"numpy", "scipy"})
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = "from gesture_core.cli.main import run\nassert run(['--help']) == 0"
+    assert not loaded_by(code) & (HEAVY | {"numpy", "scipy"})
+
+
+def test_listing_plugins_imports_none_of_them() -> None:
+    assert not loaded_by("from gesture_core.cli.main import run\nassert run(['plugins']) == 0") & HEAVY
+
+
+def test_public_names_exist() -> None:
+    import gesture_core
+
+    for name in gesture_core.__all__:
+        assert getattr(gesture_core, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = gesture_core.nonsense

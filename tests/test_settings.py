@@ -1,0 +1,84 @@
+"""Settings: defaults < TOML file < environment < flags, every key checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gesture_core.errors import ConfigError
+from gesture_core.settings import Settings, load_settings, presets, settings_from_dict
+
+
+def load(*sets: str, preset: str | Path | None = "paper", environment: dict[str, str] | None = None, **flags):  # type: ignore[no-untyped-def]
+    return load_settings(preset, sets, environment=environment or {}, **flags)
+
+
+@pytest.mark.parametrize("name", presets())
+def test_every_preset_loads_and_survives_a_round_trip(name: str) -> None:
+    settings = load(preset=name)
+    assert settings_from_dict(settings.as_dict()).as_dict() == settings.as_dict()
+
+
+def test_later_sources_win(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        'base = "paper"\n[dtw]\nwindow = 0.1\n[classify]\nneighbors = 2\n[options.gaussian]\nsigma = 3.0\n'
+    )
+    assert load(preset=file).dtw.window == 0.1
+    assert load(preset=file).options["variance"]["t_var"] == 0.10
+    environment = {"GESTURE_SET_CLASSIFY__NEIGHBORS": "3", "GESTURE_SET_DTW__WINDOW": "5"}
+    from_environment = load(preset=file, environment=environment)
+    assert (from_environment.classify.neighbors, from_environment.dtw.window) == (3, 5)
+    from_set = load("neighbors=4", preset=file, environment=environment)
+    assert from_set.classify.neighbors == 4
+    assert load("neighbors=4", preset=file, classify__neighbors=5).classify.neighbors == 5
+    assert load("gaussian.sigma=2", preset=file).options["gaussian"]["sigma"] == 2
+
+
+def test_values_are_read_by_the_type_of_the_setting() -> None:
+    settings = load("window=none", "gamma=1", "filters=center, gaussian", "follow=true", "model=007")
+    assert settings.dtw.window is None
+    assert settings.dtw.gamma == 1.0
+    assert settings.signals.filters == ("center", "gaussian")
+    assert settings.pose.follow is True
+    assert settings.pose.model == "007"
+    assert load("t_var=0.2").options["variance"]["t_var"] == 0.2
+    assert isinstance(load("window=3").dtw.window, int)
+    assert isinstance(load("window=0.5").dtw.window, float)
+
+
+@pytest.mark.parametrize(
+    ("setting", "hint"),
+    [
+        ("windw=1", "window"),
+        ("dtw.windw=1", "window"),
+        ("mode=sideways", "independent or dependent"),
+        ("neighbors=2.5", "a whole number"),
+        ("neighbors=many", "a whole number"),
+        ("window=-1", "radius"),
+        ("window=1.5", "fraction"),
+        ("gamma=0", "positive"),
+        ("reject=far", "a number"),
+        ("nonsense", "key=value"),
+        ("height=true", "a whole number"),
+    ],
+)
+def test_mistakes_are_named_with_a_remedy(setting: str, hint: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load(setting)
+    assert hint in str(caught.value)
+
+
+def test_wrong_files_are_named(tmp_path: Path) -> None:
+    broken, strange = tmp_path / "broken.toml", tmp_path / "strange.toml"
+    broken.write_text("[dtw\n")
+    strange.write_text("[dwt]\nwindow = 1\n")
+    for file, hint in ((broken, "not TOML"), (strange, "dtw"), (tmp_path / "absent.toml", "paper")):
+        with pytest.raises(ConfigError, match=hint):
+            load(preset=file)
+
+
+def test_defaults_are_frozen() -> None:
+    with pytest.raises(AttributeError):
+        Settings().pose.model = "other"  # type: ignore[misc]
