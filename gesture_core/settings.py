@@ -103,6 +103,11 @@ class ClassifySettings:
         Keep only the medoid of each class as its example.
     min_pose : float
         Share of frames with a pose below which a sequence is an error (E_POSE_SPARSE).
+    mirror : None or float
+        Every example also stands for the same movement made with the other hand; the distance to
+        that reading is multiplied by this factor, 1 or more.
+    coverage : bool
+        Divide a distance by the share of channels that both sequences have.
     """
 
     kernel: str = "auto"
@@ -111,6 +116,8 @@ class ClassifySettings:
     reject_sd: float | None = None
     representative: bool = False
     min_pose: float = 0.25
+    mirror: float | None = None
+    coverage: bool = False
 
 
 @dataclass(frozen=True)
