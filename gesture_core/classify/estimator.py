@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from inspect import signature
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from gesture_core.classify.comparison import compare
 from gesture_core.classify.decide import decide
 from gesture_core.classify.library import ExampleLibrary, medoids
 from gesture_core.classify.neighbors import k_nearest, vote
@@ -17,9 +18,6 @@ from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence, Prediction, Signals
-
-if TYPE_CHECKING:
-    from gesture_core.dtw.spec import DtwSpec
 
 Item = PoseSequence | Signals | np.ndarray
 
@@ -229,11 +227,7 @@ class GestureClassifier:
     def _distances(
         self, queries: Sequence[Signals | np.ndarray], examples: Sequence[Signals | np.ndarray]
     ) -> np.ndarray:
-        from gesture_core.dtw.distances import warping_distances
-
-        settings = self._settings()
-        spec: DtwSpec = settings.dtw
-        return warping_distances(queries, examples, spec=spec, kernel=settings.classify.kernel)
+        return compare(queries, examples, self._settings())
 
     def _check_fitted(self) -> None:
         if not hasattr(self, "library_"):

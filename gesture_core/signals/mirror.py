@@ -1,0 +1,59 @@
+"""Signals of the same movement made with the other hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gesture_core.errors import SignalError
+from gesture_core.types import Signals
+
+UNSIGNED = "energy"
+"""Kind of channel that has no direction: ``right_wrist_x.energy`` swaps sides but keeps its sign."""
+
+
+def other_side(channel: str) -> str:
+    """Name of the channel on the other side of the body; itself on the body's middle line."""
+    if channel.startswith("left_"):
+        return "right_" + channel.removeprefix("left_")
+    if channel.startswith("right_"):
+        return "left_" + channel.removeprefix("right_")
+    return channel
+
+
+def mirror_sign(channel: str) -> int:
+    """-1 for a channel that points to the side (``..._x``, ``..._x.velocity``), otherwise 1."""
+    name, _, kind = channel.partition(".")
+    return -1 if name.endswith("_x") and kind != UNSIGNED else 1
+
+
+def mirrored(signals: Signals) -> Signals:
+    """``signals`` as a mirror would show them: sides swapped, x turned round.
+
+    The signals must have been normalised to a point on the body's middle line (the neck), as all
+    built-in normalizers do.
+
+    Raises
+    ------
+    SignalError
+        E_MIRROR where a channel's counterpart on the other side is missing.
+    """
+    places = {name: index for index, name in enumerate(signals.channels)}
+    lost = [name for name in signals.channels if other_side(name) not in places]
+    if lost:
+        raise SignalError(
+            f"channel {lost[0]} has no counterpart on the other side",
+            subject=signals.source,
+            remedy="classify.mirror=none, or channels of both sides",
+            code="E_MIRROR",
+        )
+    order = np.array([places[other_side(name)] for name in signals.channels])
+    signs = np.array([mirror_sign(name) for name in signals.channels], np.float32)
+    assert signals.mask is not None and signals.present is not None
+    return replace(
+        signals,
+        values=signals.values[:, order] * signs,
+        mask=signals.mask[order],
+        present=signals.present[order],
+    )
