@@ -29,7 +29,8 @@ def list_models() -> int:
     from gesture_core.pose.known import known_models
     from gesture_core.pose.models import find_model
 
-    here, more = [], []
+    here: list[tuple[str, ...]] = []
+    more: list[tuple[str, ...]] = []
     for name in added_names():
         try:
             card = read_card(name)

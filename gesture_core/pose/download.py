@@ -60,7 +60,7 @@ def downloaded(url: str, sha256: str, *, limit: int = MAX_BYTES, progress: bool 
 
 
 def _fetch(url: str, sha256: str, folder: Path, name: str, limit: int, progress: bool) -> Path:
-    import pooch
+    import pooch  # type: ignore[import-untyped, unused-ignore]
     import requests
 
     def fetch(address: str, target: str, keeper: Any) -> None:

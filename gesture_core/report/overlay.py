@@ -1,0 +1,170 @@
+"""Draws keypoints over pictures, as an H.264 video or as a strip of pictures."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gesture_core.errors import MediaError
+from gesture_core.skeletons import Skeleton, skeleton
+from gesture_core.types import PoseSequence
+
+if TYPE_CHECKING:
+    from av.video.stream import VideoStream
+
+# Blue, green and red; told apart by people who see few colours (Okabe and Ito 2008).
+RIGHT, LEFT, MIDDLE = (0, 159, 230), (233, 180, 86), (255, 255, 255)
+_CLOCK = 90_000
+"""Ticks in a second of the video, so that real time stamps are kept."""
+
+
+def draw_pose(frame: np.ndarray, keypoints: np.ndarray, bones: Skeleton) -> None:
+    """Draw one person into ``frame``, (H, W, 3) uint8 in BGR: their right orange, their left blue.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8 array
+        Is drawn into.
+    keypoints : (J, 2) array
+        Pixels; NaN where missing.
+    bones : Skeleton
+        The layout of ``keypoints``.
+    """
+    import cv2
+
+    seen = ~np.isnan(keypoints[:, 0])
+    if not seen.any():
+        return
+    extent = float(np.ptp(keypoints[seen], axis=0).max())
+    thick = int(np.clip(round(extent / 60), 1, 8))
+    spots = np.rint(np.nan_to_num(keypoints)).astype(int)
+    for first, second in bones.limbs:
+        a, b = bones.index(first), bones.index(second)
+        if seen[a] and seen[b]:
+            start, end = tuple(spots[a].tolist()), tuple(spots[b].tolist())
+            cv2.line(frame, start, end, (0, 0, 0), thick + 2, cv2.LINE_AA)
+            cv2.line(frame, start, end, _side(second), thick, cv2.LINE_AA)
+    for joint, spot, there in zip(bones.joints, spots.tolist(), seen, strict=True):
+        if there:
+            cv2.circle(frame, tuple(spot), thick + 1, (0, 0, 0), -1, cv2.LINE_AA)
+            cv2.circle(frame, tuple(spot), thick, _side(joint), -1, cv2.LINE_AA)
+
+
+def _side(joint: str) -> tuple[int, int, int]:
+    return RIGHT if joint.startswith("right_") else LEFT if joint.startswith("left_") else MIDDLE
+
+
+def overlay(
+    frames: Iterable[tuple[float, np.ndarray]], poses: Sequence[PoseSequence]
+) -> Iterator[tuple[float, np.ndarray]]:
+    """The frames with everybody drawn who was found at that time.
+
+    Parameters
+    ----------
+    frames : iterable of (seconds, frame)
+        The video that ``poses`` were extracted from, once more.
+    poses : sequence of PoseSequence
+    """
+    places = [iter(zip(pose.times.tolist(), pose.keypoints, strict=True)) for pose in poses]
+    ahead = [next(place, None) for place in places]
+    for time, frame in frames:
+        picture = frame.copy()
+        for i, pose in enumerate(poses):
+            found = ahead[i]
+            # Frames may share a time stamp, so that each pose is used for one frame, in order.
+            if found is not None and found[0] == time:
+                draw_pose(picture, found[1], skeleton(pose.skeleton))
+                ahead[i] = next(places[i], None)
+        yield time, picture
+
+
+def can_write_video() -> bool:
+    """Whether PyAV, which writes H.264, is installed."""
+    return importlib.util.find_spec("av") is not None
+
+
+def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quality: int = 23) -> int:
+    """Write an H.264 video with the frames' own times; the number of frames.
+
+    Parameters
+    ----------
+    frames : iterable of (seconds, frame)
+        (H, W, 3) uint8 in BGR, all of one size. An odd height or width loses its last line: H.264
+        stores colour for two by two pixels.
+    path : path
+        ``.mp4``; it appears once it is complete.
+    quality : int
+        x264's rate factor: 0 without loss, 51 worst.
+
+    Raises
+    ------
+    MediaError
+        ``E_MEDIA_WRITE`` where PyAV cannot write it, or there is no frame.
+    """
+    import av
+
+    part = path.with_name(f".{path.name}.part")
+    count, last = 0, -1
+    stream: VideoStream | None = None
+    try:
+        with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+            for time, frame in frames:
+                even = np.ascontiguousarray(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
+                if stream is None:
+                    stream = container.add_stream("libx264", rate=30, options={"crf": str(quality)})
+                    stream.height, stream.width = even.shape[:2]
+                    stream.pix_fmt = "yuv420p"
+                    stream.time_base = stream.codec_context.time_base = Fraction(1, _CLOCK)
+                picture = av.VideoFrame.from_ndarray(even, format="bgr24")
+                last = max(last + 1, round(time * _CLOCK))
+                picture.pts, picture.time_base = last, Fraction(1, _CLOCK)
+                container.mux(stream.encode(picture))
+                count += 1
+            if stream is None:
+                raise MediaError("no frame to write", subject=str(path), code="E_MEDIA_WRITE")
+            container.mux(stream.encode(None))
+        part.replace(path)
+    except av.FFmpegError as error:
+        raise MediaError(
+            f"cannot be written as H.264: {error}",
+            subject=str(path),
+            remedy="an output that ends in .png",
+            code="E_MEDIA_WRITE",
+        ) from error
+    finally:
+        part.unlink(missing_ok=True)
+    return count
+
+
+def write_strip(
+    frames: Iterable[tuple[float, np.ndarray]], path: Path, *, pictures: int = 8, height: int = 240
+) -> int:
+    """Write about evenly spaced frames side by side as a PNG; the number of frames seen.
+
+    The video may be of any length: once twice as many pictures are held as needed, every other
+    one is dropped.
+    """
+    import cv2
+
+    kept: list[np.ndarray] = []
+    step, count = 1, 0
+    for _, frame in frames:
+        if count % step == 0:
+            width = max(1, round(frame.shape[1] * height / frame.shape[0]))
+            kept.append(cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA))
+            if len(kept) == 2 * pictures:
+                kept, step = kept[::2], 2 * step
+        count += 1
+    if not kept:
+        raise MediaError("no frame to draw", subject=str(path), code="E_MEDIA_WRITE")
+    chosen = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, pictures).round().astype(int))]
+    done, data = cv2.imencode(".png", np.hstack(chosen))
+    if not done:
+        raise MediaError("cannot be written as PNG", subject=str(path), code="E_MEDIA_WRITE")
+    path.write_bytes(data.tobytes())
+    return count
