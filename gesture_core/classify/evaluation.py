@@ -1,0 +1,238 @@
+"""How good a preset is on labelled sequences: accuracy, recall, confusion, what rejection costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gesture_core.classify.comparison import compare
+from gesture_core.classify.neighbors import vote
+from gesture_core.classify.protocols import folds
+from gesture_core.classify.rejection import calibrated_thresholds
+from gesture_core.errors import GestureError, InputError
+from gesture_core.settings import Settings
+from gesture_core.signals.chain import Chain
+from gesture_core.types import PoseSequence, Signals
+
+
+@dataclass(frozen=True, eq=False)
+class Labelled:
+    """What is evaluated.
+
+    Attributes
+    ----------
+    poses : sequence of N (PoseSequence, Signals or GestureError)
+        Signals are compared as they are. An error stands for an input that could not be read; it counts as not recognised.
+    labels, subjects, names : sequences of N str
+    train : sequence of N bool, optional
+        Examples of the protocol ``split``.
+    """
+
+    poses: Sequence[PoseSequence | Signals | GestureError]
+    labels: Sequence[str]
+    subjects: Sequence[str]
+    names: Sequence[str]
+    train: Sequence[bool] | None = None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One tested sequence: what it is, what it was taken for, and how sure that was."""
+
+    name: str
+    label: str
+    subject: str
+    fold: str
+    predicted: str | None
+    distance: float
+    margin: float
+    threshold: float = np.inf
+    code: str = ""
+
+    @property
+    def right(self) -> bool:
+        """Whether the label was found and not rejected."""
+        return self.predicted == self.label
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The result of one protocol under one preset.
+
+    Attributes
+    ----------
+    answers : list of Answer
+        One for each tested sequence and fold.
+    protocol : str
+    settings : Settings
+    changes : mapping
+        Values of a grid, where there was one.
+    """
+
+    answers: list[Answer]
+    protocol: str
+    settings: Settings
+    changes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def accuracy(self) -> float:
+        """Share of answers that are right."""
+        return float(np.mean([answer.right for answer in self.answers]))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the accuracy (Wilson 1927), as if the answers were independent."""
+        return wilson(sum(answer.right for answer in self.answers), len(self.answers))
+
+    @property
+    def by_fold(self) -> dict[str, float]:
+        """Accuracy in each fold."""
+        names = dict.fromkeys(answer.fold for answer in self.answers)
+        return {n: float(np.mean([a.right for a in self.answers if a.fold == n])) for n in names}
+
+    @property
+    def classes(self) -> list[str]:
+        """The labels, sorted."""
+        return sorted({answer.label for answer in self.answers})
+
+    @property
+    def recall(self) -> dict[str, float]:
+        """Share of each class that was found."""
+        return {
+            label: float(np.mean([a.right for a in self.answers if a.label == label]))
+            for label in self.classes
+        }
+
+    def confusion(self) -> tuple[list[str], np.ndarray]:
+        """Names of the columns and the (C, C or C + 1) counts; the last column is "(none)" if any."""
+        from sklearn.metrics import confusion_matrix
+
+        none = "(none)"
+        predicted = [answer.predicted or none for answer in self.answers]
+        columns = self.classes + ([none] if none in predicted else [])
+        counts = confusion_matrix([a.label for a in self.answers], predicted, labels=columns)
+        return columns, counts[: len(self.classes)]
+
+    def rejection_curve(self) -> list[tuple[float, float, float]]:
+        """(threshold, coverage, accuracy of what is left), from the loosest to the strictest."""
+        distances = np.array([a.distance for a in self.answers])
+        right = np.array([a.right for a in self.answers])
+        curve = []
+        for threshold in sorted({float(d) for d in distances if np.isfinite(d)}, reverse=True):
+            kept = distances <= threshold
+            curve.append((threshold, float(kept.mean()), float(right[kept].mean())))
+        return curve
+
+
+def evaluate(
+    data: Labelled, protocol: str, settings: Settings, changes: dict[str, Any] | None = None
+) -> Evaluation:
+    """Test ``data`` on itself by ``protocol``.
+
+    All distances are computed once; every fold takes its part of them. Votes, thresholds and
+    representative examples are those of the classifier, from the examples of each fold alone.
+
+    Raises
+    ------
+    InputError
+        Where fewer than two sequences can be used.
+    ConfigError
+        For a protocol that does not fit the data.
+    """
+    signals, usable, errors = _signals(data, settings)
+    if len(usable) < 2:
+        first = f"; the first one: {next(iter(errors.values()))}" if errors else ""
+        raise InputError(f"{len(usable)} sequences can be used{first}", code="E_EMPTY")
+    within = compare(signals, signals, settings).astype(np.float64)
+    labels = np.array([str(data.labels[i]) for i in usable])
+    classes, codes = np.unique(labels, return_inverse=True)
+    subjects = [data.subjects[i] for i in usable]
+    train = None if data.train is None else [data.train[i] for i in usable]
+    answers: list[Answer] = []
+    for fold in folds(protocol, codes, subjects, within, train):
+        block = within[np.ix_(fold.test, fold.train)]
+        thresholds = _thresholds(within, fold.train, codes, len(classes), settings)
+        k = min(settings.classify.neighbors, len(fold.train))
+        votes = vote(block, codes[fold.train], len(classes), k)
+        for row, where in enumerate(fold.test):
+            winner, distance = int(votes.winners[row]), float(votes.distances[row])
+            threshold = float(thresholds[winner]) if winner >= 0 else np.inf
+            taken = winner >= 0 and distance <= threshold
+            origin = usable[where]
+            answers.append(
+                Answer(
+                    data.names[origin],
+                    str(labels[where]),
+                    subjects[where],
+                    fold.name,
+                    str(classes[winner]) if taken else None,
+                    distance,
+                    float(votes.margins[row]),
+                    threshold,
+                    "" if taken else "E_REJECTED" if winner >= 0 else "E_NO_COMMON",
+                )
+            )
+        tested = {subjects[where] for where in fold.test}
+        answers += [
+            _unusable(data, index, fold.name, error)
+            for index, error in errors.items()
+            if _would_be_tested(data, index, protocol, tested)
+        ]
+    if protocol == "leave-one-out":
+        answers += [_unusable(data, index, str(index), error) for index, error in errors.items()]
+    return Evaluation(answers, protocol, settings, changes or {})
+
+
+def _unusable(data: Labelled, index: int, fold: str, error: GestureError) -> Answer:
+    label, subject = str(data.labels[index]), data.subjects[index]
+    return Answer(data.names[index], label, subject, fold, None, np.inf, np.inf, code=error.code)
+
+
+def _would_be_tested(data: Labelled, index: int, protocol: str, tested: set[str]) -> bool:
+    """Whether a sequence that cannot be used belongs among the queries of a fold."""
+    if protocol == "leave-one-out":
+        return False
+    if protocol == "split":
+        return data.train is None or not data.train[index]
+    return data.subjects[index] in tested
+
+
+def wilson(right: int, total: int, z: float = 1.96) -> tuple[float, float]:
+    """Interval of a share from ``right`` successes in ``total`` trials (Wilson 1927)."""
+    if total == 0:
+        return 0.0, 1.0
+    share = right / total
+    middle = share + z * z / (2 * total)
+    spread = z * np.sqrt(share * (1 - share) / total + z * z / (4 * total * total))
+    scale = 1 + z * z / total
+    return max(0.0, float((middle - spread) / scale)), min(1.0, float((middle + spread) / scale))
+
+
+def _signals(data: Labelled, settings: Settings) -> tuple[list[Signals], list[int], dict[int, GestureError]]:
+    chain = Chain.from_settings(settings)
+    signals: list[Signals] = []
+    usable: list[int] = []
+    errors: dict[int, GestureError] = {}
+    for index, pose in enumerate(data.poses):
+        try:
+            if isinstance(pose, GestureError):
+                raise pose
+            signals.append(pose if isinstance(pose, Signals) else chain(pose))
+            usable.append(index)
+        except GestureError as error:
+            errors[index] = error
+    return signals, usable, errors
+
+
+def _thresholds(
+    within: np.ndarray, train: np.ndarray, codes: np.ndarray, classes: int, settings: Settings
+) -> np.ndarray:
+    chosen = settings.classify
+    if chosen.reject is not None:
+        return np.full(classes, chosen.reject)
+    if chosen.reject_sd is None:
+        return np.full(classes, np.inf)
+    return calibrated_thresholds(within[np.ix_(train, train)], codes[train], classes, chosen.reject_sd)
