@@ -12,6 +12,7 @@ from pathlib import Path
 def make_distribution(folder: Path, name: str, source: str, version: str = "1.0") -> Path:
     """A distribution ``name`` whose one module holds ``source`` and is a ``gesture_core`` plugin."""
     module = name.replace("-", "_")
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{module}.py").write_text(textwrap.dedent(source), encoding="utf-8")
     info = folder / f"{module}-{version}.dist-info"
     info.mkdir(parents=True)

@@ -13,7 +13,13 @@ from gesture_core.archive.store import StoreReader, read_keypoints, write_keypoi
 from gesture_core.errors import KeypointError
 from gesture_core.types import PoseSequence
 
-FACTS = {"frames_declared": 5, "frames_read": 4, "complete": False, "notes": ["one packet lost"], "seconds": 0.2}
+FACTS = {
+    "frames_declared": 5,
+    "frames_read": 4,
+    "complete": False,
+    "notes": ["one packet lost"],
+    "seconds": 0.2,
+}
 
 
 def people(skeleton: str = "coco18", joints: int = 18) -> list[PoseSequence]:
@@ -39,7 +45,12 @@ def test_a_round_trip_is_exact(tmp_path: Path, skeleton: str, joints: int) -> No
         np.testing.assert_array_equal(a.keypoints, b.keypoints)
         np.testing.assert_array_equal(a.scores, b.scores)
         np.testing.assert_array_equal(a.times, b.times)
-        assert (a.skeleton, a.frame_size, a.person, a.source) == (b.skeleton, b.frame_size, b.person, b.source)
+        assert (a.skeleton, a.frame_size, a.person, a.source) == (
+            b.skeleton,
+            b.frame_size,
+            b.person,
+            b.source,
+        )
         assert a.provenance == b.provenance
     assert StoreReader().accepts(path)
 

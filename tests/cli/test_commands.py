@@ -1,0 +1,165 @@
+"""The commands as a user runs them: through a pipe, with mistakes, with closed pipes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from distributions import gesture
+
+from gesture_core.demo.archive import DemoArchive
+
+
+@pytest.fixture(scope="module")
+def run(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished run on the drawn keypoint files."""
+    out = tmp_path_factory.mktemp("cli") / "run"
+    done = gesture("classify", drawn.video_keypoints, *options(drawn, out), "--quiet")
+    assert done.returncode in (0, 3), done.stderr
+    assert done.stdout == ""
+    return out
+
+
+def options(drawn: DemoArchive, out: Path) -> list[str]:
+    chosen = ["--examples", str(drawn.example_keypoints), "--out", str(out)]
+    return [*chosen, "--kernel", "numpy", "--preset", "paper"]
+
+
+def test_rows_go_to_a_pipe_as_json_and_progress_to_standard_error(drawn: DemoArchive, tmp_path: Path) -> None:
+    done = gesture("classify", drawn.video_keypoints, *options(drawn, tmp_path / "run"), "--neighbors", "1")
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(rows) == 12
+    assert isinstance(rows[0]["neighbors"], list)
+    events = [json.loads(line) for line in done.stderr.splitlines() if line.startswith("{")]
+    assert events[0] == {"event": "planned", "inputs": 12, "waiting": 12, "examples": 6, "kernel": "numpy"}
+    assert "run.db" in done.stderr.splitlines()[-1]
+    again = gesture("classify", drawn.video_keypoints, *options(drawn, tmp_path / "run"), "--neighbors", "1")
+    assert "nothing to do" in again.stderr
+    assert again.stdout == done.stdout
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+def test_a_terminal_gets_a_table(drawn: DemoArchive, run: Path) -> None:
+    main, terminal = pty.openpty()
+    command = [
+        sys.executable,
+        "-m",
+        "gesture_core",
+        "classify",
+        str(drawn.video_keypoints),
+        *options(drawn, run),
+    ]
+    process = subprocess.Popen(command, stdout=terminal, stderr=terminal, env=os.environ | {"COLUMNS": "100"})
+    os.close(terminal)
+    text = b""
+    while True:
+        try:
+            piece = os.read(main, 4096)
+        except OSError:
+            break
+        if not piece:
+            break
+        text += piece
+    process.wait()
+    os.close(main)
+    shown = text.decode()
+    assert "nearest example" in shown and "clip_01" in shown and "nothing to do" in shown
+    assert "{" not in shown
+
+
+def test_exports_agree(run: Path, tmp_path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    for format in ("csv", "jsonl", "parquet"):
+        done = gesture("export", run, "--format", format)
+        assert done.stdout.strip() == str(run / f"results.{format}"), done.stderr
+    lines = [json.loads(line) for line in (run / "results.jsonl").read_text("utf-8").splitlines()]
+    with (run / "results.csv").open(newline="", encoding="utf-8") as file:
+        table = list(csv.DictReader(file))
+    columns = pq.read_table(run / "results.parquet").to_pylist()
+    for a, b, c in zip(lines, table, columns, strict=True):
+        assert a["input"] == b["input"] == c["input"]
+        assert (a["label"] or "") == b["label"] == (c["label"] or "")
+        assert a["distance"] == c["distance"]
+        assert a["neighbors"] == json.loads(b["neighbors"])
+    piped = gesture("export", run, "--format", "csv", "--to", "-")
+    assert list(csv.DictReader(io.StringIO(piped.stdout))) == table
+    assert gesture("export", run, "--format", "jsonl", "--to", tmp_path / "x.jsonl").returncode == 0
+    assert (tmp_path / "x.jsonl").read_bytes() == (run / "results.jsonl").read_bytes()
+
+
+def test_cells_that_a_spreadsheet_would_run_are_neutralised(tmp_path: Path) -> None:
+    from gesture_core.archive.rows import COLUMNS, Row
+    from gesture_core.archive.writers import CsvWriter
+
+    names = ["=1+1", "+x", "-x", "@x", "plain", "\tx"]
+    CsvWriter().write((Row(name).as_record() for name in names), COLUMNS, tmp_path / "x.csv")
+    with (tmp_path / "x.csv").open(newline="", encoding="utf-8") as file:
+        cells = [row["input"] for row in csv.DictReader(file)]
+    assert cells == ["'=1+1", "'+x", "'-x", "'@x", "plain", "'\tx"]
+
+
+CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "hint"),
+    [
+        (["classify"], 2, "--help"),
+        (["nonsense"], 2, "nonsense"),
+        (["classify", "absent", "--examples", "absent", "--out", "{out}"], 2, "no such file"),
+        (["export", "absent"], 2, "holds no run"),
+        (["plugins", "gausian"], 2, "gaussian"),
+        ([*CLASSIFY, "--kernel", "fast"], 2, "numpy"),
+        ([*CLASSIFY, "--set", "windw=1"], 2, "window"),
+        ([*CLASSIFY, "--preset", "no"], 2, "paper"),
+        ([*CLASSIFY, "--reject", "x"], 2, "3sd"),
+        ([*CLASSIFY, "--set", "gausian.sigma=1"], 2, "gauss"),
+        ([*CLASSIFY, "--neighbors", "99"], 2, "99"),
+    ],
+)  # fmt: skip
+def test_mistakes_exit_with_two_and_say_what_would_be_right(
+    drawn: DemoArchive, tmp_path: Path, arguments: list[str], code: int, hint: str
+) -> None:
+    places = {"videos": drawn.video_keypoints, "examples": drawn.example_keypoints, "out": tmp_path / "run"}
+    done = gesture(*(argument.format(**places) for argument in arguments), cwd=tmp_path)
+    assert done.returncode == code, done.stderr
+    assert hint in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="head")
+def test_a_closed_pipe_ends_quietly(run: Path, drawn: DemoArchive) -> None:
+    command = f"{sys.executable} -m gesture_core export {run} --format jsonl --to - | head -c 10"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert "Traceback" not in done.stderr and "Exception" not in done.stderr
+
+
+def test_the_environment_and_presets_reach_the_run(drawn: DemoArchive, tmp_path: Path) -> None:
+    done = gesture(
+        "classify", drawn.video_keypoints / "clip_01", *options(drawn, tmp_path / "run"),
+        GESTURE_SET_CLASSIFY__NEIGHBORS="3",
+    )  # fmt: skip
+    assert len(json.loads(done.stdout.splitlines()[0])["neighbors"]) == 3
+
+
+def test_extracted_keypoints_can_be_classified(drawn: DemoArchive, tmp_path: Path) -> None:
+    done = gesture("extract", drawn.video_keypoints, "--out", tmp_path / "q", "--quiet")
+    assert done.returncode == 0, done.stderr
+    assert len(list((tmp_path / "q" / "keypoints").rglob("*.parquet"))) == 12
+    gesture("extract", drawn.example_keypoints, "--out", tmp_path / "e", "--quiet")
+    assert (tmp_path / "e" / "keypoints" / "wave" / "1.parquet").is_file()
+    from_files = gesture(
+        "classify", tmp_path / "q" / "keypoints", "--examples", tmp_path / "e" / "keypoints",
+        "--out", tmp_path / "run", "--kernel", "numpy", "--preset", "paper",
+    )  # fmt: skip
+    direct = gesture("classify", drawn.video_keypoints, *options(drawn, tmp_path / "direct"))
+    labels = [[json.loads(line)["label"] for line in d.stdout.splitlines()] for d in (from_files, direct)]
+    assert labels[0] == labels[1] and len(labels[0]) == 12
