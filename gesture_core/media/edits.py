@@ -14,8 +14,9 @@ from typing import BinaryIO
 
 _MAX_HEADER = 64 << 20
 _MAX_BOXES = 100_000
-# Writers take a round number, a multiple of the frame rate, or 512 ticks a frame.
-_ROUND = (100, 512, 11025, 999)
+# Writers take a round number, a rate of sound, or a frame rate times a power of two that exceeds 10,000.
+_ROUND = (100, 11025, 999)
+_POWER, _LEAST = 512, 10_000
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class Edits:
         if abs(self.media_length - self.samples_length) > max(2, self.media_length // 50):
             return f"samples of {self.samples_length} ticks in a medium of {self.media_length}"
         for clock in (self.movie_clock, self.media_clock):
-            if clock > 100_000_000 or all(clock % unit for unit in _ROUND):
+            usual = clock >= _LEAST and clock % _POWER == 0
+            if clock > 100_000_000 or (not usual and all(clock % unit for unit in _ROUND)):
                 return f"a clock of {clock} ticks a second"
         return ""
 

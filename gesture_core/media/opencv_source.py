@@ -36,8 +36,9 @@ _OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 class OpenCvSource:
     """The frames of one open file, as stored, with their time stamps.
 
-    Parameters and errors are those of `PyAvSource`. Mirrored display matrices are not seen, and damage
-    only in so far as frames are missing from a believable count.
+    Parameters and errors are those of `PyAvSource`. What this reader cannot do: see mirrored display
+    matrices; keep the aspect of a picture that changes its size half-way (OpenCV stretches it into the
+    first size); tell damage, but for frames that are missing from a believable count.
     """
 
     name = "opencv"

@@ -73,6 +73,7 @@ class PyAvSource:
         _listen()
         try:
             self._open(file, container)
+            self._origin = self._stream.start_time or 0
             self._frames = self._decode()
             self._first = next(self._frames, None)
             if self._first is None:
@@ -186,7 +187,7 @@ class PyAvSource:
         if frame.pts is None:
             return None
         base = frame.time_base or self._stream.time_base
-        return float((frame.pts - (self._stream.start_time or 0)) * base)
+        return float((frame.pts - self._origin) * base)
 
     def _picture(self, frame: Any) -> np.ndarray:
         self._check_size(frame.width, frame.height)
@@ -248,6 +249,9 @@ class PyAvSource:
                 step.damage("frame with damaged parts")
         if step.failed and packet is not None:
             self._account.refused += 1
+        if frames and not self._account.frames and self._container.format.name == "avi":
+            # AVI stamps packets, not pictures: a decoder that looks ahead dates the first one late.
+            self._origin = frames[0].pts or self._origin
         self._account.frames += len(frames)
         self._account.stamps += [stamp for frame in frames if (stamp := self._stamp(frame)) is not None]
         return frames

@@ -55,7 +55,9 @@ def open_file(path: str | os.PathLike[str]) -> BinaryIO:
         # Without O_NONBLOCK a named pipe would hang the process before it could be refused.
         fd = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except FileNotFoundError:
-        raise MediaError("no such file", subject=name, code="E_MEDIA_MISSING") from None
+        raise MediaError(
+            "no such file", subject=name, remedy="check the path", code="E_MEDIA_MISSING"
+        ) from None
     except (OSError, ValueError) as error:
         cause = getattr(error, "strerror", None) or str(error)
         raise MediaError(
@@ -67,7 +69,9 @@ def open_file(path: str | os.PathLike[str]) -> BinaryIO:
     status = os.fstat(fd)
     if not stat.S_ISREG(status.st_mode):
         os.close(fd)
-        raise MediaError("is not a regular file", subject=name, code="E_MEDIA_UNREADABLE")
+        raise MediaError(
+            "is not a regular file", subject=name, remedy="leave it out", code="E_MEDIA_UNREADABLE"
+        )
     if status.st_size == 0:
         os.close(fd)
         raise MediaError("is empty, 0 bytes", subject=name, remedy="copy it again", code="E_MEDIA_EMPTY")
