@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from gesture_core.classify.comparison import compare
-from gesture_core.classify.neighbors import vote
+from gesture_core.classify.library import medoids
+from gesture_core.classify.neighbors import Votes, vote
 from gesture_core.classify.protocols import folds
 from gesture_core.classify.rejection import calibrated_thresholds
 from gesture_core.errors import GestureError, InputError
@@ -25,7 +26,8 @@ class Labelled:
     Attributes
     ----------
     poses : sequence of N (PoseSequence, Signals or GestureError)
-        Signals are compared as they are. An error stands for an input that could not be read; it counts as not recognised.
+        Signals are compared as they are. An error stands for an input that could not be read; it
+        counts as not recognised.
     labels, subjects, names : sequences of N str
     train : sequence of N bool, optional
         Examples of the protocol ``split``.
@@ -127,63 +129,139 @@ class Evaluation:
         return curve
 
 
-def evaluate(
-    data: Labelled, protocol: str, settings: Settings, changes: dict[str, Any] | None = None
-) -> Evaluation:
-    """Test ``data`` on itself by ``protocol``.
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """All sequences of a data set against each other under one preset.
 
-    All distances are computed once; every fold takes its part of them. Votes, thresholds and
-    representative examples are those of the classifier, from the examples of each fold alone.
+    Attributes
+    ----------
+    data : Labelled
+    settings : Settings
+    usable : (M,) int array
+        Positions in ``data`` that the rows and columns of ``within`` stand for.
+    within : (M, M) float array
+        Distances.
+    errors : mapping
+        Position in ``data`` of what could not be used, and why.
+    """
+
+    data: Labelled
+    settings: Settings
+    usable: np.ndarray
+    within: np.ndarray
+    errors: dict[int, GestureError]
+
+    def without(self, subject: str) -> Compared:
+        """The same data as if ``subject`` had never been recorded."""
+        kept = np.array([self.data.subjects[i] != subject for i in self.usable], bool)
+        errors = {i: e for i, e in self.errors.items() if self.data.subjects[i] != subject}
+        return replace(self, usable=self.usable[kept], within=self.within[np.ix_(kept, kept)], errors=errors)
+
+
+def compare_all(data: Labelled, settings: Settings) -> Compared:
+    """Compute all distances of ``data`` once; every protocol takes its part of them.
 
     Raises
     ------
     InputError
         Where fewer than two sequences can be used.
-    ConfigError
-        For a protocol that does not fit the data.
     """
     signals, usable, errors = _signals(data, settings)
     if len(usable) < 2:
         first = f"; the first one: {next(iter(errors.values()))}" if errors else ""
         raise InputError(f"{len(usable)} sequences can be used{first}", code="E_EMPTY")
     within = compare(signals, signals, settings).astype(np.float64)
+    return Compared(data, settings, np.array(usable, np.int64), within, errors)
+
+
+def evaluate(data: Labelled, protocol: str, settings: Settings) -> Evaluation:
+    """Test ``data`` on itself by ``protocol`` under ``settings``; see `compare_all` and `answer`."""
+    return answer(compare_all(data, settings), protocol)
+
+
+def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None = None) -> Evaluation:
+    """Test a compared data set on itself by ``protocol``.
+
+    Votes, thresholds and representative examples are those of the classifier, from the examples
+    of each fold alone.
+
+    Raises
+    ------
+    ConfigError
+        For a protocol that does not fit the data.
+    """
+    data, settings, within, usable = compared.data, compared.settings, compared.within, compared.usable
     labels = np.array([str(data.labels[i]) for i in usable])
     classes, codes = np.unique(labels, return_inverse=True)
     subjects = [data.subjects[i] for i in usable]
     train = None if data.train is None else [data.train[i] for i in usable]
     answers: list[Answer] = []
     for fold in folds(protocol, codes, subjects, within, train):
-        block = within[np.ix_(fold.test, fold.train)]
+        examples = fold.train
+        if settings.classify.representative:
+            examples = examples[medoids(within[np.ix_(examples, examples)], codes[examples])]
         thresholds = _thresholds(within, fold.train, codes, len(classes), settings)
-        k = min(settings.classify.neighbors, len(fold.train))
-        votes = vote(block, codes[fold.train], len(classes), k)
+        block = within[np.ix_(fold.test, examples)]
+        votes = vote(block, codes[examples], len(classes), min(settings.classify.neighbors, len(examples)))
         for row, where in enumerate(fold.test):
-            winner, distance = int(votes.winners[row]), float(votes.distances[row])
-            threshold = float(thresholds[winner]) if winner >= 0 else np.inf
-            taken = winner >= 0 and distance <= threshold
-            origin = usable[where]
-            answers.append(
-                Answer(
-                    data.names[origin],
-                    str(labels[where]),
-                    subjects[where],
-                    fold.name,
-                    str(classes[winner]) if taken else None,
-                    distance,
-                    float(votes.margins[row]),
-                    threshold,
-                    "" if taken else "E_REJECTED" if winner >= 0 else "E_NO_COMMON",
-                )
-            )
+            answers.append(_answer(data, int(usable[where]), fold.name, votes, row, classes, thresholds))
         tested = {subjects[where] for where in fold.test}
         answers += [
             _unusable(data, index, fold.name, error)
-            for index, error in errors.items()
+            for index, error in compared.errors.items()
             if _would_be_tested(data, index, protocol, tested)
         ]
     if protocol == "leave-one-out":
-        answers += [_unusable(data, index, str(index), error) for index, error in errors.items()]
-    return Evaluation(answers, protocol, settings, changes or {})
+        answers += [_unusable(data, index, str(index), error) for index, error in compared.errors.items()]
+    return Evaluation(answers, protocol, settings, dict(changes or {}))
+
+
+def choose_nested(candidates: Sequence[Compared]) -> tuple[Evaluation, dict[str, int]]:
+    """Leave-one-subject-out where each fold takes the candidate that is best among the other subjects.
+
+    The choice never sees the subject that is tested: for each subject, every candidate is scored by
+    leave-one-subject-out among the others, and the winner (the first of equals) is tested.
+
+    Returns
+    -------
+    evaluation : Evaluation
+    choices : mapping
+        Index of the candidate that each subject's fold took.
+    """
+    subjects = sorted(set(candidates[0].data.subjects))
+    answers: list[Answer] = []
+    choices = {}
+    for subject in subjects:
+        scores = [answer(c.without(subject), "leave-one-subject-out").accuracy for c in candidates]
+        choices[subject] = int(np.argmax(scores))
+        whole = answer(candidates[choices[subject]], "leave-one-subject-out")
+        answers += [a for a in whole.answers if a.subject == subject]
+    return Evaluation(answers, "leave-one-subject-out, nested", candidates[0].settings), choices
+
+
+def _answer(
+    data: Labelled,
+    origin: int,
+    fold: str,
+    votes: Votes,
+    row: int,
+    classes: np.ndarray,
+    thresholds: np.ndarray,
+) -> Answer:
+    winner, distance = int(votes.winners[row]), float(votes.distances[row])
+    threshold = float(thresholds[winner]) if winner >= 0 else np.inf
+    taken = winner >= 0 and distance <= threshold
+    return Answer(
+        data.names[origin],
+        str(data.labels[origin]),
+        data.subjects[origin],
+        fold,
+        str(classes[winner]) if taken else None,
+        distance,
+        float(votes.margins[row]),
+        threshold,
+        "" if taken else "E_REJECTED" if winner >= 0 else "E_NO_COMMON",
+    )
 
 
 def _unusable(data: Labelled, index: int, fold: str, error: GestureError) -> Answer:

@@ -1,0 +1,114 @@
+"""What `gesture evaluate` leaves behind: pictures, tables, and one JSON file with all numbers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gesture_core.classify.evaluation import Answer, Evaluation
+from gesture_core.report.plots import BLUE, new_figure, save
+
+
+def confusion_plot(evaluation: Evaluation, path: Path) -> Path:
+    """The confusion matrix as a picture: rows are the truth, shades the share of the row."""
+    columns, counts = evaluation.confusion()
+    rows = evaluation.classes
+    size = max(4.0, 0.42 * len(columns) + 2.2)
+    figure = new_figure(size + 0.6, size * (len(rows) + 3) / (len(columns) + 3) + 0.6)
+    axes = figure.add_subplot()
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    axes.imshow(shares, cmap="Blues", vmin=0, vmax=1, aspect="equal")
+    axes.set_xticks(range(len(columns)), columns, rotation=60, ha="right", rotation_mode="anchor")
+    axes.set_yticks(range(len(rows)), rows)
+    axes.set_xlabel("recognised as")
+    axes.set_ylabel("performed")
+    font = 9 if len(columns) < 20 else 6
+    for (row, column), count in np.ndenumerate(counts):
+        if count:
+            colour = "white" if shares[row, column] > 0.55 else "black"
+            axes.text(column, row, str(count), ha="center", va="center", color=colour, fontsize=font)
+    low, high = evaluation.interval
+    axes.set_title(
+        f"{evaluation.accuracy:.1%} of {len(evaluation.answers)} (95 %: {low:.1%} to {high:.1%})\n"
+        f"{evaluation.protocol}, preset {evaluation.settings.preset}",
+        fontsize=10,
+    )
+    return save(figure, path)
+
+
+def rejection_plot(evaluation: Evaluation, path: Path) -> Path:
+    """Accuracy of the accepted answers over the share that is accepted."""
+    curve = evaluation.rejection_curve()
+    figure = new_figure(5.2, 3.6)
+    axes = figure.add_subplot()
+    axes.plot([100 * c for _, c, _ in curve], [100 * a for _, _, a in curve], color=BLUE, linewidth=1.8)
+    axes.set_xlabel("coverage: answers below the distance threshold, %")
+    axes.set_ylabel("accuracy of these, %")
+    axes.set_xlim(0, 101)
+    axes.set_ylim(top=101)
+    axes.grid(alpha=0.3)
+    return save(figure, path)
+
+
+def summary(evaluation: Evaluation, fingerprint: str) -> dict[str, Any]:
+    """All numbers of an evaluation as plain values."""
+    columns, counts = evaluation.confusion()
+    low, high = evaluation.interval
+    return {
+        "fingerprint": fingerprint,
+        "preset": evaluation.settings.preset,
+        "changes": evaluation.changes,
+        "settings": evaluation.settings.as_dict(),
+        "protocol": evaluation.protocol,
+        "tested": len(evaluation.answers),
+        "right": sum(answer.right for answer in evaluation.answers),
+        "accuracy": evaluation.accuracy,
+        "interval_95": [low, high],
+        "folds": evaluation.by_fold,
+        "recall": evaluation.recall,
+        "confusion": {"rows": evaluation.classes, "columns": columns, "counts": counts.tolist()},
+        "coverage_at_distance": [
+            {"threshold": t, "coverage": c, "accuracy": a}
+            for t, c, a in thinned(evaluation.rejection_curve())
+        ],
+        "not_recognised": [a.name for a in evaluation.answers if a.predicted is None],
+    }
+
+
+def thinned(
+    curve: Sequence[tuple[float, float, float]], points: int = 20
+) -> list[tuple[float, float, float]]:
+    """At most ``points`` of ``curve``, evenly spread, its ends included."""
+    if len(curve) <= points:
+        return list(curve)
+    return [curve[i] for i in np.linspace(0, len(curve) - 1, points).round().astype(int)]
+
+
+def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> Mapping[str, Path]:
+    """Write `evaluation.json`, `answers.csv`, `confusion.png` and `rejection.png`."""
+    from gesture_core.archive.atomic import replacing
+    from gesture_core.archive.writers import CsvWriter
+
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = {"numbers": folder / "evaluation.json", "answers": folder / "answers.csv"}
+    with replacing(paths["numbers"]) as temporary:
+        text = json.dumps(summary(evaluation, fingerprint), indent=1, allow_nan=False)
+        temporary.write_text(text + "\n", "utf-8")
+    columns = ("name", "subject", "fold", "label", "predicted", "right", "distance", "margin", "code")
+    CsvWriter().write((_record(answer) for answer in evaluation.answers), columns, paths["answers"])
+    paths["confusion"] = confusion_plot(evaluation, folder / "confusion.png")
+    if evaluation.rejection_curve():
+        paths["rejection"] = rejection_plot(evaluation, folder / "rejection.png")
+    return paths
+
+
+def _record(answer: Answer) -> dict[str, Any]:
+    record = asdict(answer) | {"right": int(answer.right)}
+    for key in ("distance", "margin"):
+        record[key] = f"{record[key]:.6g}" if np.isfinite(record[key]) else None
+    return record
