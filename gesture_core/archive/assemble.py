@@ -10,8 +10,8 @@ from gesture_core.archive.rows import Row
 from gesture_core.archive.work import Outcome
 from gesture_core.types import PoseSequence, Prediction
 
-# Codes of inputs in which nothing went wrong, yet no gesture is shown.
-_NOT_A_GESTURE = frozenset({"E_NO_SALIENT"})
+# Nothing went wrong with such an input: it was read, and no label is warranted.
+_NO_GESTURE = frozenset({"E_NO_PERSON", "E_POSE_SPARSE", "E_POSE_SCALE", "E_NO_SALIENT", "E_NO_COMMON"})
 
 
 def skipped_row(item: Input, fingerprint: str) -> Row:
@@ -45,6 +45,7 @@ def failed_row(item: Input, outcome: Outcome, fingerprint: str) -> Row:
         return replace(base, code=outcome.code, message=_said_of(item, outcome.message))
     return replace(
         base,
+        status="rejected",
         code="E_NO_PERSON",
         message=f"{item.name}: nobody was found in {outcome.frames_read} frames; "
         "try: another --pose or --model, or gesture render to see what the network sees",
@@ -72,7 +73,7 @@ def person_row(
         frames_with_pose=pose.frames_with_pose,
         selected=prediction.selected,
     )
-    if row.code in _NOT_A_GESTURE:
+    if row.code in _NO_GESTURE:
         return replace(row, status="rejected")
     if row.status == "ok" and not outcome.complete:
         return replace(

@@ -16,7 +16,10 @@ from gesture_core.plugin import registry
 
 
 def export(
-    run: Path, *, format: str = "csv", to: Annotated[str, Parameter(name=["--to", "-o"])] = ""
+    run: Path,
+    *,
+    format: str = "csv",
+    to: Annotated[str, Parameter(name=["--to", "-o"], allow_leading_hyphen=True)] = "",
 ) -> None:
     """Write the rows of a run as CSV, Parquet or JSON lines.
 
