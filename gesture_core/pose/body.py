@@ -39,10 +39,11 @@ class Window:
         """The square of `size` times the body's reach around it, as far as it lies in the frame."""
         half = 0.5 * size * REACH * body.torso
         wide, high = frame_size
-        left = int(np.clip(round(body.x - half), 0, wide - _LEAST))
-        top = int(np.clip(round(body.y - half), 0, high - _LEAST))
-        right = int(np.clip(round(body.x + half), left + _LEAST, wide))
-        bottom = int(np.clip(round(body.y + half), top + _LEAST, high))
+        least = min(_LEAST, wide, high)
+        left = int(np.clip(round(body.x - half), 0, wide - least))
+        top = int(np.clip(round(body.y - half), 0, high - least))
+        right = int(np.clip(round(body.x + half), left + least, wide))
+        bottom = int(np.clip(round(body.y + half), top + least, high))
         return cls(left, top, right, bottom)
 
     @classmethod

@@ -71,19 +71,26 @@ class ModelContract:
     attribution: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("mean", "scale", "input_size"):
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, tuple(value))
         _one_of("layout", self.layout, LAYOUTS)
         _one_of("skeleton", self.skeleton, tuple(SKELETONS))
         _one_of("colour", self.colour, ("bgr", "rgb"))
         _one_of("dtype", self.dtype, ("float32", "uint8", "int32"))
-        if len(self.mean) != 3 or len(self.scale) != 3:
-            raise ModelError("mean and scale of a contract have three numbers each", code="E_MODEL_CONTRACT")
-        sizes = (*(self.input_size or (1, 1)), self.multiple, self.default_size, self.stride)
-        if any(not 1 <= size <= 4096 for size in sizes):
-            raise ModelError(f"sizes {sizes} of a contract are not within 1..4096", code="E_MODEL_CONTRACT")
+        for name in ("mean", "scale"):
+            object.__setattr__(self, name, _numbers(name, getattr(self, name), 3, float))
+        if self.input_size is not None:
+            object.__setattr__(self, "input_size", _numbers("input_size", self.input_size, 2, int))
+        _within("pad", self.pad, 0, 255)
+        for name, size in {
+            "multiple": self.multiple,
+            "default_size": self.default_size,
+            "stride": self.stride,
+            "batch": 1 if self.batch is None else self.batch,
+        }.items():
+            _within(name, size, 1, 4096)
+        for side in self.input_size or ():
+            _within("input_size", side, 1, 4096)
+        for name in ("channels_first", "follow"):
+            _one_of(name, getattr(self, name), (True, False))
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any], subject: str = "") -> ModelContract:
@@ -103,10 +110,24 @@ class ModelContract:
             raise ModelError(f"not a contract: {error}", subject=subject, code="E_MODEL_CONTRACT") from error
 
 
-def _one_of(name: str, value: object, choices: tuple[str, ...]) -> None:
+def _one_of(name: str, value: object, choices: tuple[object, ...]) -> None:
     if value not in choices:
         raise ModelError(
             f"{name} {value!r} of a contract is unknown",
-            remedy=f"one of {', '.join(choices)}",
+            remedy=f"one of {', '.join(map(str, choices))}",
             code="E_MODEL_CONTRACT",
         )
+
+
+def _within(name: str, value: object, low: int, high: int) -> None:
+    if type(value) is not int or not low <= value <= high:
+        raise ModelError(
+            f"{name} {value!r} of a contract is no whole number in {low}..{high}", code="E_MODEL_CONTRACT"
+        )
+
+
+def _numbers(name: str, value: object, count: int, kind: type) -> tuple[Any, ...]:
+    numbers = tuple(value) if isinstance(value, list | tuple) else ()
+    if len(numbers) != count or not all(type(n) in (int, kind) for n in numbers):
+        raise ModelError(f"{name} {value!r} of a contract is not {count} numbers", code="E_MODEL_CONTRACT")
+    return tuple(kind(n) for n in numbers)

@@ -1,0 +1,130 @@
+"""Letterboxing, peaks and windows: what is put into a picture comes out at the same place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gesture_core.plugin.kinds import Person
+from gesture_core.pose.body import BELOW, SHOULDERS, Anatomy, Body, Window
+from gesture_core.pose.contracts import ModelContract
+from gesture_core.pose.heatmaps import best_peaks
+from gesture_core.pose.letterbox import Letterbox, input_size, to_batch
+from gesture_core.skeletons import COCO18, SKELETONS
+
+side = st.integers(8, 700)
+
+
+@given(side, side, st.integers(32, 400), st.integers(32, 400), st.floats(0, 1), st.floats(0, 1))
+def test_a_point_goes_into_the_box_and_back(
+    width: int, height: int, wide: int, high: int, x: float, y: float
+) -> None:
+    box = Letterbox.fit((width, height), (high, wide))
+    assert box.inner_width <= wide and box.inner_height <= high
+    assert box.inner_width == wide or box.inner_height == high
+    point = np.array([x * (width - 1), y * (height - 1)])
+    scale = np.array([box.scale_x, box.scale_y])
+    inside = (point + 0.5) * scale - 0.5 + (box.left, box.top)
+    np.testing.assert_allclose(box.back(inside), point, atol=1e-2)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(60, 400), st.integers(60, 400), st.floats(0.15, 0.85), st.floats(0.15, 0.85))
+def test_a_spot_lies_in_the_input_where_the_box_says(width: int, height: int, x: float, y: float) -> None:
+    frame = np.zeros((height, width, 3), np.uint8)
+    point = np.array([round(x * width), round(y * height)])
+    reach = 5
+    frame[point[1] - reach : point[1] + reach + 1, point[0] - reach : point[0] + reach + 1, 1] = 255
+    box = Letterbox.fit((width, height), (128, 96))
+    green = to_batch([frame], box, ModelContract("openpose", pad=0))[0, 1]
+    assert green.shape == (128, 96)
+    rows, columns = np.mgrid[:128, :96]
+    centre = np.array([(green * columns).sum(), (green * rows).sum()]) / green.sum()
+    np.testing.assert_allclose(box.back(centre), point, atol=0.6 / min(box.scale_x, 1))
+
+
+def test_colour_mean_scale_and_order_follow_the_contract() -> None:
+    frame = np.zeros((4, 4, 3), np.uint8)
+    frame[...] = (10, 20, 30)
+    box = Letterbox.fit((4, 4), (4, 4))
+    rgb = ModelContract("simcc", "coco17", "rgb", mean=(1.0, 2.0, 3.0), scale=(1.0, 0.5, 2.0))
+    np.testing.assert_allclose(to_batch([frame], box, rgb)[0, :, 0, 0], [29, 9, 14])
+    last = ModelContract("movenet", "coco17", "rgb", dtype="uint8", channels_first=False)
+    batch = to_batch([frame], box, last)
+    assert batch.shape == (1, 4, 4, 3) and batch.dtype == np.uint8 and batch[0, 0, 0].tolist() == [30, 20, 10]
+
+
+def test_a_free_input_keeps_the_aspect_and_is_bounded() -> None:
+    free = ModelContract("openpose", multiple=8)
+    assert input_size(free, (640, 480), 368) == (368, 496)
+    assert input_size(free, (480, 640), 368) == (368, 280)
+    assert input_size(free, (10_000, 10), 100) == (104, 312)
+    assert input_size(ModelContract("openpose", input_size=(256, 192)), (640, 480), 368) == (256, 192)
+
+
+cell = st.floats(1.5, 10.5)
+
+
+@given(st.lists(st.tuples(cell, cell), min_size=1, max_size=6), st.floats(0.9, 2.5), st.floats(0.2, 1))
+def test_gaussian_peaks_are_found_below_the_size_of_a_cell(
+    places: list[tuple[float, float]], sigma: float, height: float
+) -> None:
+    rows, columns = np.mgrid[:13, :13]
+    maps = np.stack(
+        [height * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / (2 * sigma**2)) for x, y in places]
+    )
+    points, scores = best_peaks(maps[None].astype(np.float32))
+    assert np.linalg.norm(points[0] - places, axis=1).max() < 0.05
+    assert (np.abs(scores[0] - maps.max(axis=(1, 2))) < 1e-5).all()
+
+
+def test_flat_negative_and_border_maps_have_a_peak_without_fuss() -> None:
+    maps = np.zeros((1, 4, 5, 6), np.float32)
+    maps[0, 1] = -3
+    maps[0, 2, 0, 0] = maps[0, 3, 4, 5] = 7
+    points, scores = best_peaks(maps)
+    assert np.isfinite(points).all()
+    assert points[0, 2].tolist() == [0, 0] and points[0, 3].tolist() == [5, 4]
+    assert scores[0].tolist() == [0, 0, 1, 1]
+
+
+def _person(**places: tuple[float, float]) -> Person:
+    points = np.full((18, 2), np.nan, np.float32)
+    for joint, place in places.items():
+        points[COCO18.index(joint)] = place
+    return Person(points, np.where(np.isnan(points[:, 0]), 0, 0.8).astype(np.float32))
+
+
+def test_the_body_is_measured_by_the_torso_and_without_hips_by_the_shoulders() -> None:
+    anatomy = Anatomy(COCO18)
+    shoulders = {"right_shoulder": (70.0, 100.0), "left_shoulder": (130.0, 100.0)}
+    hips = {"right_hip": (80.0, 200.0), "left_hip": (120.0, 200.0)}
+    body = anatomy.body(_person(**shoulders, **hips))
+    assert body is not None and body.torso == pytest.approx(100) and body.x == pytest.approx(100)
+    cut = anatomy.body(_person(**shoulders))
+    assert cut is not None and cut.torso == pytest.approx(60 / SHOULDERS)
+    assert anatomy.body(_person(**hips)) is None and anatomy.body(None) is None
+    window = Window.around(body, 1.0, (2000, 2000))
+    assert window.bottom >= 100 + BELOW * 100 - 1 and window.top == 0
+
+
+@pytest.mark.parametrize("name", SKELETONS)
+def test_every_skeleton_has_an_anatomy(name: str) -> None:
+    layout = SKELETONS[name]
+    points = np.zeros((len(layout.joints), 2), np.float32)
+    for joint, place in {"right_shoulder": (0, 0), "left_shoulder": (30, 0), "right_hip": (15, 40)}.items():
+        points[layout.index(joint)] = place
+    person = Person(points, np.ones(len(layout.joints), np.float32))
+    assert Anatomy(layout).confidence(person) == 1 and Anatomy(layout).body(person) is not None
+
+
+@given(
+    st.floats(-500, 1500), st.floats(-500, 1500), st.floats(2, 2000), st.integers(1, 900), st.integers(1, 900)
+)
+def test_windows_lie_in_the_frame(x: float, y: float, torso: float, width: int, height: int) -> None:
+    window = Window.around(Body(x, y, torso), 1.1, (width, height))
+    assert 0 <= window.left < window.right <= width and 0 <= window.top < window.bottom <= height
+    assert min(window.size) >= min(32, width, height)
+    assert window.view(np.zeros((height, width, 3), np.uint8)).shape[1::-1] == window.size
