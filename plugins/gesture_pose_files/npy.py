@@ -91,16 +91,15 @@ def read_array(file: IO[bytes], name: str, *, kinds: str = _KINDS) -> np.ndarray
     return array.reshape(shape, order="F" if fortran else "C")
 
 
-def _read_up_to(file: IO[bytes], size: int) -> bytes:
+def _read_up_to(file: IO[bytes], size: int) -> bytearray:
     """At most ``size`` bytes in pieces, so that memory follows what is there, not what is claimed."""
-    pieces = []
-    while size > 0:
-        piece = file.read(min(size, 1 << 20))
+    data = bytearray()
+    while len(data) < size:
+        piece = file.read(min(size - len(data), 1 << 20))
         if not piece:
             break
-        pieces.append(piece)
-        size -= len(piece)
-    return b"".join(pieces)
+        data += piece
+    return data
 
 
 def _first_line(error: BaseException) -> str:

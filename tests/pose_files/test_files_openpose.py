@@ -1,0 +1,246 @@
+"""Folders of OpenPose JSON: versions, skeletons, several sequences, several people, refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frames import frame_name, person, write_frame
+from gesture_pose_files.json_frame import MAX_DEPTH
+from gesture_pose_files.openpose_json import OpenPoseJsonReader, sequences
+
+from gesture_core.errors import KeypointError
+from gesture_core.plugin import registry
+
+NAMES = {15: "mpi15", 18: "coco18", 25: "body25"}
+
+
+def code_of(folder: Path, member: str = "") -> str:
+    with pytest.raises(KeypointError) as caught:
+        OpenPoseJsonReader().read(folder, member)
+    assert caught.value.subject and caught.value.code.startswith("E_KEYPOINTS_")
+    return caught.value.code
+
+
+@pytest.mark.parametrize("joints", NAMES)
+@pytest.mark.parametrize(
+    ("version", "key"),
+    [
+        (0.1, "pose_keypoints"),
+        (1.0, "pose_keypoints"),
+        (1.2, "pose_keypoints_2d"),
+        (1.3, "pose_keypoints_2d"),
+    ],
+)
+def test_every_version_and_skeleton(tmp_path: Path, joints: int, version: float, key: str) -> None:
+    body = person(joints, (50, 60))
+    body[2] = 0  # not found
+    for number in range(6):
+        write_frame(tmp_path, "clip", number, [body + [number, 0, 0] * (body != 0)], key=key, version=version)
+    (sequence,) = OpenPoseJsonReader().read(tmp_path)
+    assert sequence.skeleton == NAMES[joints] and len(sequence) == 6
+    assert not sequence.seen[:, 2].any() and sequence.seen.sum() == 6 * (joints - 1)
+    np.testing.assert_allclose(sequence.keypoints[4, 0], body[0, :2] + [4, 0], atol=1e-3)
+    np.testing.assert_allclose(sequence.scores[:, 3], body[3, 2], atol=1e-4)
+    np.testing.assert_allclose(sequence.times, np.arange(6) / 30)
+
+
+def test_numbers_are_times_and_gaps_stay_gaps(tmp_path: Path) -> None:
+    for number in (10, 11, 15, 30):
+        write_frame(tmp_path, "clip", number, [person(18, (0, 0))])
+    (sequence,) = OpenPoseJsonReader(fps=10).read(tmp_path)
+    np.testing.assert_allclose(sequence.times, [1.0, 1.1, 1.5, 3.0])
+
+
+def test_empty_frames_stay_as_frames(tmp_path: Path) -> None:
+    for number in range(5):
+        write_frame(tmp_path, "clip", number, [person(25, (0, 0))] if number % 2 else [])
+    (sequence,) = OpenPoseJsonReader().read(tmp_path)
+    assert len(sequence) == 5 and sequence.frames_with_pose == 2
+
+
+def test_a_folder_where_nobody_is_ever_seen_is_a_sequence(tmp_path: Path) -> None:
+    for number in range(3):
+        write_frame(tmp_path, "clip", number, [])
+    for people in ("single", "multi"):
+        (sequence,) = OpenPoseJsonReader(people=people).read(tmp_path)
+        assert len(sequence) == 3 and sequence.frames_with_pose == 0
+
+
+def test_sequences_of_one_folder_are_told_apart_by_name(tmp_path: Path) -> None:
+    for name, count in (("b_clip", 2), ("a", 3), ("caf\udce9", 1)):
+        for number in range(count):
+            write_frame(tmp_path, name, number, [person(18, (0, 0))])
+    (tmp_path / "notes.txt").write_text("not a frame")
+    (tmp_path / "a_1_keypoints.json").write_text("{}")
+    reader = OpenPoseJsonReader()
+    assert reader.accepts(tmp_path)
+    assert [(name, len(files)) for name, files in sequences(tmp_path)] == [
+        ("a", 3),
+        ("b_clip", 2),
+        ("caf\udce9", 1),
+    ]
+    assert reader.members(tmp_path) == ["a", "b_clip", "caf\udce9"]
+    assert [len(reader.read(tmp_path, name)[0]) for name in reader.members(tmp_path)] == [3, 2, 1]
+    assert code_of(tmp_path) == "E_KEYPOINTS_MEMBER"
+    assert code_of(tmp_path, "c") == "E_KEYPOINTS_MEMBER"
+
+
+def test_only_folders_with_frames_are_accepted(tmp_path: Path) -> None:
+    reader = OpenPoseJsonReader()
+    assert not reader.accepts(tmp_path)
+    assert not reader.accepts(tmp_path / "absent")
+    path = write_frame(tmp_path, "x", 0, [])
+    assert not reader.accepts(path)
+    assert reader.accepts(tmp_path) and reader.members(tmp_path) == [""]
+    assert code_of(path) == "E_KEYPOINTS_UNREADABLE"
+    (tmp_path / "sub").mkdir()
+    assert code_of(tmp_path / "sub") == "E_KEYPOINTS_EMPTY"
+
+
+def _crossing(folder: Path, frames: int = 40) -> None:
+    """Two people who walk towards and past each other, in random order in the file; one is away twice."""
+    rng = np.random.default_rng(1)
+    left, right = person(18, (0, 0), seed=1), person(18, (0, 0), seed=2)
+    for number in range(frames):
+        people = [left + np.array([number * 10, 0, 0]), right + np.array([600 - number * 10, 150, 0])]
+        if number % 13 == 5:
+            people = people[:1]
+        write_frame(folder, "clip", number, [people[index] for index in rng.permutation(len(people))])
+
+
+def test_people_keep_their_number(tmp_path: Path) -> None:
+    _crossing(tmp_path)
+    found = OpenPoseJsonReader(people="multi").read(tmp_path)
+    assert [sequence.person for sequence in found] == [0, 1] and {len(s) for s in found} == {40}
+    steps = [np.nanmedian(np.diff(sequence.keypoints[:, 0, 0])) for sequence in found]
+    assert sorted(np.sign(steps)) == [-1, 1]
+    for sequence in found:
+        seen = sequence.keypoints[~np.isnan(sequence.keypoints[:, 0, 0]), 0, 1]
+        assert np.ptp(seen) < 1  # nobody ever takes the other's place
+    assert found[0].frames_with_pose == 40 and found[1].frames_with_pose == 37
+
+
+def test_single_takes_the_most_persistent_person(tmp_path: Path) -> None:
+    _crossing(tmp_path)
+    (sequence,) = OpenPoseJsonReader().read(tmp_path)
+    assert sequence.frames_with_pose == 40
+    assert np.nanmedian(np.diff(sequence.keypoints[:, 0, 0])) > 0
+
+
+def test_shares_of_the_picture_are_tracked_too(tmp_path: Path) -> None:
+    """OpenPose can write coordinates in 0..1 (keypoint_scale 3)."""
+    for number in range(20):
+        people = [person(25, (0.1, 0.1), 0.2, 1), person(25, (0.7, 0.1), 0.2, 2)]
+        write_frame(tmp_path, "clip", number, people[:: 1 if number % 2 else -1])
+    found = OpenPoseJsonReader(people="multi").read(tmp_path)
+    assert len(found) == 2
+    assert all(np.ptp(sequence.keypoints[:, 0], axis=0).max() < 1e-3 for sequence in found)
+
+
+def test_a_person_who_comes_back_to_the_same_place_is_carried_on(tmp_path: Path) -> None:
+    for number in range(80):
+        here = [person(18, (100, 100), seed=1)] if not 30 <= number < 60 else []
+        far = [person(18, (900, 100), seed=2)] if number < 8 else []
+        write_frame(tmp_path, "clip", number, here + far)
+    (sequence,) = OpenPoseJsonReader().read(tmp_path)
+    assert sequence.frames_with_pose == 50
+    assert np.nanmax(sequence.keypoints[..., 0]) < 300
+
+
+BAD_FRAMES = {
+    "nothing": (b"", "E_KEYPOINTS_EMPTY"),
+    "not json": (b"{people: 1}", "E_KEYPOINTS_JSON"),
+    "cut off": (b'{"version":1.2,"people":[{"pose_keyp', "E_KEYPOINTS_JSON"),
+    "not utf-8": (b'{"people": "\xff\xfe"}', "E_KEYPOINTS_JSON"),
+    "deep": (b"[" * 100_000, "E_KEYPOINTS_JSON"),
+    "deep object": (b'{"a":' * 5000 + b"1" + b"}" * 5000, "E_KEYPOINTS_JSON"),
+    "another kind": (b'{"a": 1}', "E_KEYPOINTS_FORMAT"),
+    "a list": (b"[1, 2]", "E_KEYPOINTS_FORMAT"),
+    "people of no kind": (b'{"people": [1]}', "E_KEYPOINTS_FORMAT"),
+    "no keypoints": (b'{"people": [{}]}', "E_KEYPOINTS_FORMAT"),
+    "odd count": (b'{"people": [{"pose_keypoints_2d": [1, 2, 3, 4]}]}', "E_KEYPOINTS_FORMAT"),
+    "nan": (b'{"people": [{"pose_keypoints_2d": [' + b"NaN," * 53 + b"1]}]}", "E_KEYPOINTS_JSON"),
+    "infinite": (b'{"people": [{"pose_keypoints_2d": [' + b"1e999," * 53 + b"1]}]}", "E_KEYPOINTS_VALUE"),
+    "too large": (b'{"people": [{"pose_keypoints_2d": [' + b"1e30," * 53 + b"1]}]}", "E_KEYPOINTS_VALUE"),
+    "thousand digits": (
+        b'{"people": [{"pose_keypoints_2d": [' + b"9" * 1000 + b"," + b"1," * 52 + b"1]}]}",
+        "E_KEYPOINTS_VALUE",
+    ),
+    "million digits": (b'{"people": [' + b"9" * 1_000_000 + b"]}", "E_KEYPOINTS_JSON"),
+    "text": (b'{"people": [{"pose_keypoints_2d": [' + b'"1",' * 53 + b'"1"]}]}', "E_KEYPOINTS_VALUE"),
+    "truth": (b'{"people": [{"pose_keypoints_2d": [' + b"true," * 53 + b"true]}]}", "E_KEYPOINTS_VALUE"),
+    "huge": (b" " * (5 << 20), "E_KEYPOINTS_LIMIT"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_FRAMES)
+def test_a_bad_frame_is_a_typed_error_that_names_the_file(tmp_path: Path, kind: str) -> None:
+    write_frame(tmp_path, "clip", 0, [person(18, (0, 0))])
+    data, code = BAD_FRAMES[kind]
+    (tmp_path / frame_name("clip", 1)).write_bytes(data)
+    with pytest.raises(KeypointError) as caught:
+        OpenPoseJsonReader().read(tmp_path)
+    assert caught.value.code == code and frame_name("clip", 1) in caught.value.subject
+
+
+def test_skeletons_may_not_change(tmp_path: Path) -> None:
+    write_frame(tmp_path, "clip", 0, [person(18, (0, 0))])
+    write_frame(tmp_path, "clip", 1, [person(25, (0, 0))])
+    assert code_of(tmp_path) == "E_KEYPOINTS_FORMAT"
+
+
+def test_depth_within_the_limit_is_read(tmp_path: Path) -> None:
+    extra: object = 1
+    for _ in range(MAX_DEPTH - 2):
+        extra = [extra]
+    (tmp_path / frame_name("c", 0)).write_text(
+        json.dumps({"people": [], "note": "[[[[" * 20, "extra": extra})
+    )
+    assert len(OpenPoseJsonReader().read(tmp_path)[0]) == 1
+
+
+def test_links_out_of_the_folder_and_pipes_are_refused(tmp_path: Path) -> None:
+    import os
+
+    folder, outside = tmp_path / "in", tmp_path / "out"
+    folder.mkdir(), outside.mkdir()
+    secret = write_frame(outside, "clip", 0, [])
+    inside = write_frame(folder, "clip", 0, [])
+    (folder / frame_name("clip", 1)).symlink_to(inside)
+    assert len(OpenPoseJsonReader().read(folder)[0]) == 2
+    (folder / frame_name("clip", 2)).symlink_to(secret)
+    assert code_of(folder) == "E_KEYPOINTS_LINK"
+    (folder / frame_name("clip", 2)).unlink()
+    os.mkfifo(folder / frame_name("clip", 3))
+    assert code_of(folder) == "E_KEYPOINTS_UNREADABLE"
+
+
+@pytest.mark.parametrize("options", [{"fps": 0}, {"fps": -1}, {"fps": float("nan")}, {"people": "all"}])
+def test_options_are_checked(options: dict[str, object]) -> None:
+    from gesture_core.errors import ConfigError
+
+    with pytest.raises(ConfigError):
+        registry().make("reader", "openpose-json", options)
+
+
+def test_the_real_folders(shared: Path) -> None:
+    """2,409 frames of 14 sequences, 68 of them empty; compared with a plain reading."""
+    reader = OpenPoseJsonReader()
+    folders = sorted(path for path in (shared / "openpose_json").glob("*/*") if path.is_dir())
+    frames = empty = 0
+    for folder in folders:
+        assert reader.accepts(folder) and reader.members(folder) == [""]
+        (sequence,) = reader.read(folder)
+        assert sequence.skeleton == "body25"
+        frames, empty = frames + len(sequence), empty + len(sequence) - sequence.frames_with_pose
+        for index, path in enumerate(sorted(folder.iterdir())):
+            people = json.loads(path.read_bytes())["people"]
+            if people and index % 7 == 0:
+                raw = np.array(people[0]["pose_keypoints_2d"], np.float32).reshape(-1, 3)
+                found = raw[:, 2] > 0
+                np.testing.assert_array_equal(sequence.seen[index], found)
+                np.testing.assert_array_equal(sequence.keypoints[index][found], raw[found, :2])
+    assert (len(folders), frames, empty) == (14, 2409, 68)
