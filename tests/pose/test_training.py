@@ -1,0 +1,184 @@
+"""The training of the own network, on pictures so small and few that it takes seconds."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+for _module in ("torch", "onnx", "onnxruntime", "cv2", "rich", "scipy"):
+    pytest.importorskip(_module, reason=f"the training needs {_module}: pip install 'gesture-core[train]'")
+
+import torch  # noqa: E402
+
+from gesture_core.errors import ConfigError, ModelError  # noqa: E402
+from gesture_pose_onnx.training import augment, decode, evaluate, export, joints, losses, network  # noqa: E402
+from gesture_pose_onnx.training import settings as settings_module  # noqa: E402
+from gesture_pose_onnx.training.batches import Batches, leg_of  # noqa: E402
+from gesture_pose_onnx.training.cutout import PERSON, cut_out  # noqa: E402
+from gesture_pose_onnx.training.store import Store, Writer  # noqa: E402
+from gesture_pose_onnx.training.train import train  # noqa: E402
+
+TINY = {
+    "seed": 3,
+    "threads": 1,
+    "checkpoint_steps": 2,
+    "network": {"widths": [4, 4, 8, 8, 8], "depths": [1, 1, 1, 1], "expand": 2, "neck": 8},
+    "schedule": [{"steps": 2, "size": 64, "batch": 4}, {"steps": 2, "size": 96, "batch": 4, "offset": 0.1}],
+}
+
+STANDING = np.array(
+    [[48, 16], [48, 28], [38, 28], [34, 40], [32, 50], [58, 28], [62, 40], [64, 50], [42, 54], [42, 70],
+     [42, 86], [54, 54], [54, 70], [54, 86], [46, 14], [50, 14], [43, 15], [53, 15]], np.float64
+)  # fmt: skip
+
+
+def _store(folder: Path, rendered: bool, count: int = 5) -> Store:
+    rng = np.random.default_rng(0)
+    writer = Writer(folder, 96, capacity=8)
+    for index in range(count):
+        picture = rng.integers(0, 256, (96, 96, 3), dtype=np.uint8)
+        mask = np.full((96, 96), 0 if rendered else 128, np.uint8)
+        mask[10:90, 30:66] = PERSON
+        known = np.full(18, joints.PRESENT, np.int8)
+        writer.add(picture, mask, STANDING + index, known, "film.mkv" if index % 2 else "stills", 96.0)
+        writer.mark(str(index))
+    return writer.close()
+
+
+@pytest.fixture
+def batches(tmp_path: Path) -> Batches:
+    settings = settings_module.parse(TINY)
+    scenes = np.random.default_rng(1).integers(0, 256, (3, 256, 256, 3), dtype=np.uint8)
+    real, rendered = _store(tmp_path / "real", False), _store(tmp_path / "people", True)
+    return Batches(real, rendered, scenes, settings.schedule, settings.seed)
+
+
+def test_a_batch_depends_on_its_number_alone(batches: Batches) -> None:
+    first, again = batches[1], batches[1]
+    assert torch.equal(first[0], again[0]) and torch.equal(first[1], again[1])
+    assert not torch.equal(first[0], batches[0][0])
+    assert batches[3][0].shape == (4, 3, 96, 96) and batches[3][0].dtype == torch.uint8
+
+
+def test_present_joints_lie_in_the_picture(batches: Batches) -> None:
+    for step in range(4):
+        rows = batches[step][1].numpy().reshape(-1, 3)
+        size = TINY["schedule"][leg_of(step, batches.schedule)[0]]["size"]  # type: ignore[index]
+        here = rows[rows[:, 2] == joints.PRESENT, :2]
+        assert len(here) and (here >= 0).all() and (here <= size - 1).all()
+
+
+def test_mirroring_keeps_the_sides_of_the_body() -> None:
+    picture = np.full((96, 96, 3), 90, np.uint8)
+    known = np.column_stack([STANDING, np.ones(18)]).astype(np.float32)
+    sample = augment.Sample(picture, np.full((96, 96), PERSON, np.uint8), known, 200.0, True)
+    seen_mirrored = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        seen_mirrored += augment.place(rng, sample, 96)[1]
+        _, out = augment.augment(np.random.default_rng(seed), sample, 96, np.zeros((0, 256, 256, 3), np.uint8))
+        both = (out[[2, 5], 2] == joints.PRESENT).all()
+        # the person faces us, mirrored or not: the right shoulder is on the left of the picture
+        assert not both or out[2, 0] < out[5, 0]
+    assert 0 < seen_mirrored < 20
+
+
+def test_decoding_inverts_the_targets() -> None:
+    rng = np.random.default_rng(0)
+    places = rng.uniform(12, 84, (3, 18, 2)).astype(np.float32)
+    rows = torch.from_numpy(np.concatenate([places, np.ones((3, 18, 1), np.float32)], axis=2))
+    maps = losses.target_maps(rows, 24, 24, 1.5).numpy()
+    points, scores = decode.decode(maps, network.STRIDE)
+    assert np.abs(points - places).max() < 0.35
+    assert scores.min() > 0.85
+    assert float(losses.offset_loss(torch.from_numpy(maps), rows)) < 0.12
+
+
+def test_joints_that_are_not_known_do_not_count() -> None:
+    heat = torch.rand(1, 18, 24, 24)
+    rows = torch.tensor(np.column_stack([STANDING, np.full(18, joints.IGNORED)])[None], dtype=torch.float32)
+    rows[0, 0, 2] = joints.ABSENT
+    target = losses.target_maps(rows, 24, 24, 1.5)
+    assert float(target.abs().max()) == 0
+    changed = heat.clone()
+    changed[0, 5] += 3
+    assert torch.equal(losses.heat_loss(heat, target, rows), losses.heat_loss(changed, target, rows))
+
+
+def test_an_interrupted_training_goes_on_and_the_export_is_the_same_network(
+    batches: Batches, tmp_path: Path
+) -> None:
+    settings = settings_module.parse(TINY)
+    whole, halves = tmp_path / "whole", tmp_path / "halves"
+    whole.mkdir()
+    halves.mkdir()
+    straight = train(batches, settings, whole, progress=False)
+    stopped = settings_module.parse({**TINY, "minutes": 1e-9})
+    train(batches, stopped, halves, progress=False)
+    assert torch.load(halves / "checkpoint.pt", weights_only=True)["step"] == 1
+    resumed = train(batches, settings, halves, progress=False)
+    for a, b in zip(straight.state_dict().values(), resumed.state_dict().values(), strict=True):
+        assert torch.allclose(a.float(), b.float(), atol=2e-3)
+    with (whole / "curve.csv").open(encoding="utf-8") as handle:
+        assert [row["size"] for row in csv.DictReader(handle)] == ["64", "96"]
+    path = tmp_path / "tiny.onnx"
+    assert len(export.export(straight, path, 96)) == 64
+    _both_runtimes_agree(path)
+
+
+def _both_runtimes_agree(path: Path) -> None:
+    import cv2
+    import onnx
+    import onnxruntime
+
+    graph = onnx.load(str(path)).graph
+    for node in graph.node:
+        assert all(a.name != "auto_pad" or a.s == b"NOTSET" for a in node.attribute)
+    net = cv2.dnn.readNetFromONNX(str(path))
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    for count in (1, 3):
+        feed = np.random.default_rng(count).uniform(0, 255, (count, 3, 96, 96)).astype(np.float32)
+        expected = session.run(None, {"image": feed})[0]
+        net.setInput(feed)
+        assert expected.shape == (count, 19, 24, 24)
+        assert np.abs(net.forward() - expected).max() < 1e-3
+
+
+def test_a_network_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(export, "LARGEST", 1000)
+    with pytest.raises(ModelError, match="E_MODEL_SIZE"):
+        export.export(network.Compact((4, 4, 8, 8, 8), (1, 1, 1, 1), 2, 8), tmp_path / "big.onnx", 64)
+
+
+def test_the_shipped_configuration_is_read_and_wrong_keys_are_named() -> None:
+    settings = settings_module.load()
+    assert settings.schedule[-1].size == 192
+    with pytest.raises(ConfigError, match="'colour'"):
+        settings_module.parse({"data": {"colour": 1}})
+
+
+def test_cut_out_holds_the_person_and_not_the_corners() -> None:
+    picture = np.full((192, 192, 3), 200, np.uint8)
+    for a, b in ((1, 8), (1, 11), (2, 4), (5, 7), (8, 10), (11, 13), (0, 1)):
+        import cv2
+
+        ends = [tuple(int(2 * v) for v in STANDING[j]) for j in (a, b)]
+        cv2.line(picture, ends[0], ends[1], (20, 30, 60), 14)
+    mask = cut_out(picture, STANDING * 2, np.ones(18, bool), np.ones((192, 192), bool))
+    assert mask[int(STANDING[1, 1] * 2) + 20, 96] == PERSON
+    assert (mask[:10, :10] != PERSON).all()
+
+
+def test_evaluation_tells_swapped_sides_and_misses() -> None:
+    truth = np.repeat(STANDING[None], 4, axis=0)
+    got, scores = truth.copy(), np.ones((4, 18))
+    got[1] = truth[1][joints.MIRROR]
+    got[2] += 3.0
+    scores[3, 4] = 0
+    result = evaluate.compare(got, scores, truth, np.ones((4, 18), bool))
+    assert result.swapped.tolist() == [False, True, False, False]
+    assert np.nanmax(result.aligned[2]) < 1e-6 < np.nanmin(result.errors[2])
+    assert np.isnan(result.errors[3, 4]) and not result.found[3, 4]
