@@ -11,7 +11,7 @@ from gesture_core.errors import KeypointError
 
 MAX_FRAMES = 500_000
 MAX_ARRAY_BYTES = 128 << 20
-MAX_JSON_BYTES = 4 << 20
+MAX_JSON_BYTES = 2 << 20
 MAX_CSV_BYTES = 512 << 20
 MAX_MEMBERS = 20_000
 COPY_AGAIN = "copy it again from where it came"

@@ -19,7 +19,8 @@ from gesture_core.skeletons import BODY25, COCO18, MPI15
 from gesture_pose_files.files import COPY_AGAIN, MAX_JSON_BYTES, open_regular, printable
 
 MAX_DEPTH = 24
-_STRING = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
+# Possessive, and the closing quote optional: linear in whatever a hostile file holds.
+_STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)
 _OPENPOSE = {len(kind.joints): kind for kind in (COCO18, BODY25, MPI15)}
 _LARGEST = 1e7
 
