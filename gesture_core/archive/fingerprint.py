@@ -8,6 +8,7 @@ from typing import Any
 import gesture_core
 from gesture_core.archive.discovery import Input
 from gesture_core.archive.hashing import settings_sha256
+from gesture_core.errors import ModelError
 from gesture_core.plugin import registry
 from gesture_core.settings import Settings
 
@@ -15,7 +16,7 @@ from gesture_core.settings import Settings
 def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
     """What decides the keypoints of an input: settings, model, versions.
 
-    ``with_model`` is False where no input is a video; then no model needs to be there.
+    ``with_model`` is False where no input is a video; then the model may be missing.
     """
     plugins = registry()
     backend = plugins.find("pose", settings.pose.backend)
@@ -30,12 +31,16 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
             for name in plugins.names("reader", usable=True)
         },
     }
-    if with_model:
-        from gesture_core.media.reader import reader_name
-        from gesture_core.pose.models import find_model
+    from gesture_core.media.reader import reader_name
+    from gesture_core.pose.models import find_model
 
+    identity["video_reader"] = reader_name(settings.pose.reader)
+    try:
         identity["model"] = find_model(settings.pose.model).sha256
-        identity["video_reader"] = reader_name(settings.pose.reader)
+    except ModelError:
+        if with_model:
+            raise
+        identity["model"] = None
     return identity
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from gesture_core.archive.assemble import failed_row, person_rows, skipped_row
+from gesture_core.archive.assemble import person_rows, skipped_row
+from gesture_core.archive.deciding import ExampleSet, predict, stored_poses
 from gesture_core.archive.discovery import Input, discover, label_inputs
 from gesture_core.archive.extraction import extract_all
 from gesture_core.archive.fingerprint import differences, fingerprint, pose_identity, run_configuration
@@ -21,11 +22,11 @@ from gesture_core.archive.keypoint_files import publish
 from gesture_core.archive.lock import run_lock
 from gesture_core.archive.rows import Row
 from gesture_core.archive.run import Listener, RunRequest, RunSummary, keypoint_store
-from gesture_core.archive.store import read_keypoints
 from gesture_core.archive.work import Outcome
 from gesture_core.classify.estimator import GestureClassifier
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.plugin import registry
+from gesture_core.settings import Settings
 from gesture_core.types import PoseSequence, Prediction
 
 _BATCH = 64
@@ -65,6 +66,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
 @dataclass
 class _Run:
     request: RunRequest
+    settings: Settings
     journal: Journal
     listener: Listener
     examples: list[Input]
@@ -74,6 +76,7 @@ class _Run:
     fingerprint: str
     failed_examples: list[Row] = field(default_factory=list)
     lost_classes: set[str] = field(default_factory=set)
+    classifier: GestureClassifier | None = None
     frames: int = 0
 
     @classmethod
@@ -93,6 +96,7 @@ class _Run:
                 raise InputError(
                     "holds no example", subject=", ".join(request.examples), remedy="examples/<label>/<clip>"
                 )
+            _check_neighbors(request.settings, len(examples))
         videos = any(item.kind == "video" for item in (*inputs, *examples))
         identity = pose_identity(request.settings, with_model=videos)
         kernel = _kernel(request) if examples else ""
@@ -103,101 +107,91 @@ class _Run:
         waiting = [item for item in inputs if not _is_done(journal, item, done)]
         listener.planned(len(inputs), len(waiting), len(examples), kernel)
         key = fingerprint(identity)
-        return cls(request, journal, listener, examples, waiting, key, kernel, fingerprint(configuration))
+        settings = replace(request.settings, classify=replace(request.settings.classify, kernel=kernel))
+        mark = fingerprint(configuration)
+        return cls(request, settings, journal, listener, examples, waiting, key, kernel, mark)
 
     def work(self) -> None:
         """Extract, compare, commit, until nothing waits."""
-        readable = [item for item in self.waiting if item.kind != "other"]
         for item in self.waiting:
             if item.kind == "other":
                 self._commit(item, [skipped_row(item, self.fingerprint)])
+        readable = [item for item in self.waiting if item.kind != "other"]
         everything = [*self.examples, *readable] if readable else []
-        outcomes: dict[int, Outcome] = {}
-        arrived: list[int] = []
-        classifier: GestureClassifier | None = None
-        last = time.monotonic()
         extraction = extract_all(
             everything,
-            self.request.settings,
+            self.settings,
             pose_key=self.pose_key,
             workers=self.request.workers,
             engine=self.request.engine,
             on_frames=self.listener.frames,
         )
+        examples: dict[int, Outcome] = {}
+        arrived: list[tuple[Input, Outcome]] = []
+        last = time.monotonic()
         for outcome in extraction:
             item = everything[outcome.number]
             self.listener.extracted(item.name, outcome.cached)
             self.frames += 0 if outcome.cached else outcome.frames_read
-            outcomes[outcome.number] = outcome
-            if outcome.number >= len(self.examples):
-                arrived.append(outcome.number)
-            if self.examples and classifier is None:
-                if not all(number in outcomes for number in range(len(self.examples))):
+            if outcome.number < len(self.examples):
+                examples[outcome.number] = outcome
+            else:
+                arrived.append((item, outcome))
+            if self.examples and self.classifier is None:
+                if len(examples) < len(self.examples):
                     continue
-                classifier = self._fit([outcomes[number] for number in range(len(self.examples))])
+                self.classifier = self._fit([examples[number] for number in sorted(examples)])
             if len(arrived) >= _BATCH or time.monotonic() - last > _SECONDS_BETWEEN_BATCHES:
-                self._decide([(everything[n], outcomes[n]) for n in arrived], classifier)
+                self._decide(arrived)
                 arrived, last = [], time.monotonic()
-        self._decide([(everything[n], outcomes[n]) for n in arrived], classifier)
+        self._decide(arrived)
 
     def _fit(self, outcomes: Sequence[Outcome]) -> GestureClassifier:
         """The classifier of all examples that can be used; the others are reported."""
-        settings = self.request.settings
-        classifier = GestureClassifier(settings, kernel=self.kernel)
-        signals, labels, names = [], [], []
-        for item, outcome in zip(self.examples, outcomes, strict=True):
-            try:
-                poses = self._poses(item, outcome)
-                if outcome.code or not poses:
-                    self._fail_example(failed_row(item, outcome, self.fingerprint))
-                    continue
-                signals.extend(classifier.signals(poses[:1]))
-                labels.append(str(item.label))
-                names.append(item.name)
-            except GestureError as error:
-                broken = Outcome(0, outcome.sha256, code=error.code, message=error.message)
-                self._fail_example(failed_row(item, broken, self.fingerprint))
-        self.lost_classes = {str(item.label) for item in self.examples} - set(labels)
-        if not labels:
-            first = self.failed_examples[0]
-            raise InputError(
-                f"no example can be used; the first one: {first.code} {first.message}",
-                kept="the keypoints extracted so far",
-                remedy="better clips",
-                code="E_EXAMPLES",
-            )
-        return classifier.fit(signals, labels, names)
+        classifier = GestureClassifier(self.settings)
+        usable = ExampleSet.of(self.examples, outcomes, classifier, self.fingerprint)
+        self.failed_examples = usable.failed
+        self.lost_classes = {str(item.label) for item in self.examples} - set(usable.labels)
+        for row in usable.failed:
+            self.listener.example_failed(row)
+        return classifier.fit(usable.signals, usable.labels, usable.names)
 
-    def _fail_example(self, row: Row) -> None:
-        self.failed_examples.append(row)
-        self.listener.example_failed(row)
-
-    def _poses(self, item: Input, outcome: Outcome) -> list[PoseSequence]:
-        if not outcome.stored:
-            return []
-        return read_keypoints(keypoint_store() / outcome.stored, item.name).sequences
-
-    def _decide(self, batch: Sequence[tuple[Input, Outcome]], classifier: GestureClassifier | None) -> None:
+    def _decide(self, batch: Sequence[tuple[Input, Outcome]]) -> None:
         poses = [self._poses(item, outcome) for item, outcome in batch]
-        every = [pose for people in poses for pose in people]
-        if classifier is None:
+        every = [pose for _, people in poses for pose in people]
+        if self.classifier is None:
             predictions = [Prediction(None, "ok") for _ in every]
         else:
-            predictions = classifier.predictions(every) if every else []
+            predictions = predict(self.classifier, every, self.settings)
         start = 0
-        for (item, outcome), people in zip(batch, poses, strict=True):
+        for (item, _), (outcome, people) in zip(batch, poses, strict=True):
             decided = predictions[start : start + len(people)]
             start += len(people)
-            if outcome.stored and not self.examples:
+            if people and not self.examples:
                 publish(keypoint_store() / outcome.stored, item, self.request)
             rows = person_rows(item, outcome, people, decided, self.fingerprint)
             self._commit(item, rows, outcome.stored)
+
+    def _poses(self, item: Input, outcome: Outcome) -> tuple[Outcome, list[PoseSequence]]:
+        try:
+            return outcome, stored_poses(item, outcome)
+        except GestureError as error:
+            return replace(outcome, stored="", code=error.code, message=error.message), []
 
     def _commit(self, item: Input, rows: Sequence[Row], stored: str = "") -> None:
         self.journal.remember(item.key, _stamp(item), rows[0].sha256)
         self.journal.commit(item.key, rows, stored=stored)
         for row in rows:
             self.listener.row(row)
+
+
+def _check_neighbors(settings: Settings, examples: int) -> None:
+    if not 1 <= settings.classify.neighbors <= examples:
+        raise ConfigError(
+            f"{settings.classify.neighbors} neighbours of {examples} examples",
+            remedy=f"--neighbors 1 to {examples}",
+            code="E_NEIGHBORS",
+        )
 
 
 def _kernel(request: RunRequest) -> str:
