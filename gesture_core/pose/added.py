@@ -17,6 +17,7 @@ from gesture_core.pose.model_file import ModelFile, read_bounded
 
 CARD = "model.json"
 _NAME = re.compile(r"[a-z0-9]+([-._][a-z0-9]+)*")
+_LONGEST = 64
 
 
 @dataclass(frozen=True)
@@ -31,12 +32,16 @@ class AddedModel:
     origin: str = ""
 
 
+def _is_name(name: str) -> bool:
+    return len(name) <= _LONGEST and _NAME.fullmatch(name) is not None
+
+
 def check_name(name: str) -> str:
     """``name`` where it is one: it becomes a folder, so nothing that could leave `models_dir` is."""
-    if not _NAME.fullmatch(name):
+    if not _is_name(name):
         raise ModelError(
             f"{name!r} is not a name",
-            remedy="lower-case letters and digits, with single '-', '_' or '.' between",
+            remedy=f"at most {_LONGEST} lower-case letters and digits, with single '-', '_' or '.' between",
             code="E_MODEL_NAME",
         )
     return name
@@ -47,9 +52,7 @@ def added_names() -> tuple[str, ...]:
     folder = models_dir()
     if not folder.is_dir():
         return ()
-    return tuple(
-        sorted(card.parent.name for card in folder.glob(f"*/{CARD}") if _NAME.fullmatch(card.parent.name))
-    )
+    return tuple(sorted(card.parent.name for card in folder.glob(f"*/{CARD}") if _is_name(card.parent.name)))
 
 
 def read_card(name: str) -> AddedModel:
@@ -83,7 +86,7 @@ def read_card(name: str) -> AddedModel:
 
 def added_model(name: str) -> ModelFile | None:
     """The model file of ``name``, None where the user added none of that name."""
-    if not _NAME.fullmatch(name) or not (models_dir() / name / CARD).is_file():
+    if not _is_name(name) or not (models_dir() / name / CARD).is_file():
         return None
     card = read_card(name)
     return ModelFile(card.path, card.sha256, name, card.contract)

@@ -112,7 +112,7 @@ def verify_models() -> list[tuple[str, Path, str]]:
 
 
 def _name_of(source: Path) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", source.stem.lower()).strip("-") or "model"
+    return re.sub(r"[^a-z0-9]+", "-", source.stem.lower())[:64].strip("-") or "model"
 
 
 def _contract(

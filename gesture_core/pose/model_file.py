@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,17 +59,18 @@ class ModelFile:
         return self.path.with_suffix(".prototxt")
 
 
-def read_bounded(path: Path, limit: int = MAX_BYTES) -> bytes:
-    """The bytes of a regular file of at most `limit` bytes."""
+def read_bounded(path: Path, limit: int | None = None) -> bytes:
+    """The bytes of a regular file of at most ``limit`` bytes, by default `MAX_BYTES`."""
+    limit = MAX_BYTES if limit is None else limit
     try:
+        # Asked before it is opened: opening a pipe waits until somebody writes.
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ModelError("not a regular file", subject=str(path), code="E_MODEL_FILE")
         with path.open("rb") as stream:
-            if not path.is_file():
-                raise ModelError("not a regular file", subject=str(path), code="E_MODEL_FILE")
             data = stream.read(limit + 1)
-    except OSError as error:
-        raise ModelError(
-            f"cannot be read: {error.strerror}", subject=str(path), code="E_MODEL_FILE"
-        ) from error
+    except (OSError, ValueError) as error:
+        cause = error.strerror if isinstance(error, OSError) else str(error)
+        raise ModelError(f"cannot be read: {cause}", subject=str(path), code="E_MODEL_FILE") from error
     if len(data) > limit:
         raise ModelError(f"larger than {limit >> 20} MiB", subject=str(path), code="E_MODEL_SIZE")
     return data

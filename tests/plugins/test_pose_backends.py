@@ -130,7 +130,9 @@ def agreement(one: np.ndarray, two: np.ndarray, scores: np.ndarray) -> float:
 
 @pytest.mark.parametrize("size", [(120, 160), (300, 90), (48, 64)])
 @pytest.mark.parametrize("side", [64, None])
-def test_both_runtimes_give_the_same_keypoints(size: tuple[int, int], side: int | None, tmp_path: Path) -> None:
+def test_both_runtimes_give_the_same_keypoints(
+    size: tuple[int, int], side: int | None, tmp_path: Path
+) -> None:
     paths = [random_maps(tmp_path / "random.onnx", seed=3)]
     paths.append(dot_network(tmp_path / "dots.onnx", side=side))
     for path in paths:
@@ -143,7 +145,11 @@ def test_both_runtimes_give_the_same_keypoints(size: tuple[int, int], side: int 
 
 @pytest.mark.parametrize(
     ("file", "height"),
-    [("openpose_mv2s_256x256.onnx", None), ("openpose_mv2s_368x368.onnx", None), ("hpe0001_f32_dynamic.onnx", 184)],
+    [
+        ("openpose_mv2s_256x256.onnx", None),
+        ("openpose_mv2s_368x368.onnx", None),
+        ("hpe0001_f32_dynamic.onnx", 184),
+    ],
 )
 def test_both_runtimes_agree_on_real_networks_and_a_real_video(
     file: str, height: int | None, shared: Path, shared_models: Path

@@ -40,7 +40,15 @@ def in_picture(points: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("skeleton", "channels"),
-    [("coco18", 57), ("coco18", 19), ("coco18", 18), ("body25", 78), ("body25", 26), ("mpi15", 44), ("mpi15", 16)],
+    [
+        ("coco18", 57),
+        ("coco18", 19),
+        ("coco18", 18),
+        ("body25", 78),
+        ("body25", 26),
+        ("mpi15", 44),
+        ("mpi15", 16),
+    ],
 )
 @pytest.mark.parametrize("stride", [4, 8])
 def test_openpose_maps_of_every_skeleton(skeleton: str, channels: int, stride: int, tmp_path: Path) -> None:

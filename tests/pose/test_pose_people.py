@@ -43,7 +43,9 @@ def figure(x: float, y: float, size: float) -> np.ndarray:
     return FIGURE * size + (x, y)
 
 
-def match(found: list[tuple[np.ndarray, np.ndarray]], people: list[np.ndarray], tolerance: float = 0.6) -> None:
+def match(
+    found: list[tuple[np.ndarray, np.ndarray]], people: list[np.ndarray], tolerance: float = 0.6
+) -> None:
     """Each person is found once, each joint at its place."""
     assert len(found) == len(people)
     for person in people:

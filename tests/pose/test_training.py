@@ -79,7 +79,9 @@ def test_mirroring_keeps_the_sides_of_the_body() -> None:
     for seed in range(20):
         rng = np.random.default_rng(seed)
         seen_mirrored += augment.place(rng, sample, 96)[1]
-        _, out = augment.augment(np.random.default_rng(seed), sample, 96, np.zeros((0, 256, 256, 3), np.uint8))
+        _, out = augment.augment(
+            np.random.default_rng(seed), sample, 96, np.zeros((0, 256, 256, 3), np.uint8)
+        )
         both = (out[[2, 5], 2] == joints.PRESENT).all()
         # the person faces us, mirrored or not: the right shoulder is on the left of the picture
         assert not both or out[2, 0] < out[5, 0]
