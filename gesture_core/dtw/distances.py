@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gesture_core.dtw.bands import check_feasible
-from gesture_core.dtw.lanes import used_dimensions
+from gesture_core.dtw.lanes import used_dimensions, weighted
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError, InputError, PluginError
 from gesture_core.plugin import registry
@@ -22,7 +22,7 @@ CPU_ORDER = ("numba", "jax", "torch", "numpy")
 """Fastest first, as ``benchmarks/kernels.py`` measures them."""
 GPU_ORDER = ("torch", "jax")
 
-_LARGEST = {np.dtype(np.float32): 1e12, np.dtype(np.float64): 1e100}
+_LARGEST = {np.dtype(np.float32): 1e9, np.dtype(np.float64): 1e100}
 
 Series = Sequence[Signals | np.ndarray]
 
@@ -73,7 +73,7 @@ def make_batches(queries: Series, examples: Series, spec: DtwSpec) -> tuple[Sign
             f"{len(spec.weights)} weights for series of {width} dimensions", code="E_OPTION"
         )  # fmt: skip
     for name, batch in (("query", query_batch), ("example", example_batch)):
-        largest = np.abs(batch.values).max(axis=(1, 2))
+        largest = np.abs(weighted(batch.values, spec)).max(axis=(1, 2))
         if largest.max() > _LARGEST[batch.values.dtype]:
             raise InputError(
                 f"{name} {int(largest.argmax())} reaches {largest.max():.3g}, "

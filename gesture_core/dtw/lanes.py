@@ -25,8 +25,13 @@ UNBOUNDED = 1 << 30
 
 
 def far(dtype: np.dtype) -> float:
-    """The padding value: two padded frames cost nothing, a padded and a real one cost more than any path."""
-    return 1e18 if dtype == np.float32 else 1e140
+    """The value of padded frames: matching one with a real frame costs more than any path of those."""
+    return 1e15 if dtype == np.float32 else 1e120
+
+
+def unreached(dtype: np.dtype) -> float:
+    """The value of cells that no path reaches: above any cost, finite so that soft minima stay numbers."""
+    return 1e32 if dtype == np.float32 else 1e250
 
 
 @dataclass(frozen=True, eq=False)

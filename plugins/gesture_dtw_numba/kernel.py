@@ -1,0 +1,112 @@
+"""Distance kernel on Numba: lanes across pairs, the fastest path on a CPU."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gesture_core.dtw.bands import has_holes, is_banded
+from gesture_core.dtw.spec import DtwSpec
+from gesture_core.types import SignalBatch
+from gesture_dtw_numba.layout import Batch, make_bands, make_batch, make_costs, make_room, make_rule
+from gesture_dtw_numba.tile import compiled_tiles
+
+QUERIES, EXAMPLES = 16, 512
+"""Size of a tile: the unit that a thread takes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What `NumbaKernel.prepare` keeps of the examples."""
+
+    examples: Batch
+    spec: DtwSpec
+
+
+@dataclass(frozen=True)
+class NumbaKernel:
+    """Warping distances in compiled loops, in the dtype of the batches.
+
+    Attributes
+    ----------
+    threads : int
+        Tiles computed at the same time; 0 is one for each core that the process may use.
+    """
+
+    threads: int = 0
+
+    def supports(self, spec: DtwSpec) -> bool:
+        """Everything but masks with holes."""
+        return not has_holes(spec)
+
+    def prepare(self, examples: SignalBatch, spec: DtwSpec) -> Prepared:
+        """Turn the examples once."""
+        return Prepared(make_batch(examples, spec), spec)
+
+    def distances(self, state: Prepared, queries: SignalBatch) -> np.ndarray:
+        """(Q, N) distances in the dtype of the batches; infinity where no dimension is shared."""
+        batch = make_batch(queries, state.spec)
+        out = np.empty((len(queries), len(state.examples.lengths)), queries.values.dtype)
+
+        def compute(qs: np.ndarray, es: np.ndarray) -> None:
+            out[np.ix_(qs, es)] = run_tile(batch, qs, state, es)
+
+        tiles = [
+            (qs, es)
+            for qs in _cut(np.argsort(batch.lengths, kind="stable"), QUERIES)
+            for es in _cut(np.argsort(state.examples.lengths, kind="stable"), EXAMPLES)
+        ]
+        self._each(compute, tiles)
+        return out
+
+    def pairs(
+        self, state: Prepared, queries: SignalBatch, query_index: np.ndarray, example_index: np.ndarray
+    ) -> np.ndarray:
+        """(K,) distances of chosen pairs, bitwise those of `distances`."""
+        batch = make_batch(queries, state.spec)
+        out = np.empty(len(query_index), queries.values.dtype)
+        order = np.lexsort((state.examples.lengths[example_index], query_index))
+        borders = np.flatnonzero(np.diff(query_index[order])) + 1
+
+        def compute(chosen: np.ndarray) -> None:
+            out[chosen] = run_tile(batch, query_index[chosen[:1]], state, example_index[chosen])[0]
+
+        self._each(compute, [(part,) for group in np.split(order, borders) for part in _cut(group, EXAMPLES)])
+        return out
+
+    def _each(self, compute: Callable[..., None], tasks: Sequence[tuple[Any, ...]]) -> None:
+        threads = min(self.threads or len(os.sched_getaffinity(0)), len(tasks))
+        if threads <= 1:
+            for task in tasks:
+                compute(*task)
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            for done in [pool.submit(compute, *task) for task in tasks]:
+                done.result()
+
+
+def _cut(order: np.ndarray, size: int) -> list[np.ndarray]:
+    return [order[start : start + size] for start in range(0, len(order), size)]
+
+
+def run_tile(queries: Batch, qs: np.ndarray, state: Prepared, es: np.ndarray) -> np.ndarray:
+    """(len(qs), len(es)) float64 distances; ``es`` ascends in length."""
+    examples, spec = state.examples, state.spec
+    n, m = queries.lengths[qs], examples.lengths[es]
+    dtype, rule = queries.values.dtype, make_rule(spec)
+    banded, is_dependent = is_banded(spec), spec.mode == "dependent"
+    width = queries.values.shape[1] if is_dependent else 1
+    bands = make_bands(n, m, spec) if banded else None
+    gamma = None if spec.gamma is None else dtype.type(spec.gamma)
+    costs = make_costs(width, rule.euclidean, dtype) if banded or is_dependent else None
+    room = make_room(int(n.max()), int(m[-1]), width, banded, dtype)
+    out = np.empty((len(qs), len(es)))
+    independent, dependent = compiled_tiles()
+    function = dependent if is_dependent else independent
+    function(queries, qs, examples, es, rule, bands, gamma, costs, room, out)
+    return out

@@ -1,0 +1,176 @@
+"""The forms in which compiled code takes its data: named tuples of arrays."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gesture_core.dtw.bands import row_bounds
+from gesture_core.dtw.lanes import far, lane_cost, unreached, weighted
+from gesture_core.dtw.spec import DtwSpec
+from gesture_core.types import SignalBatch
+from gesture_dtw_numba.compiled import LANES, ROWS
+
+
+class Batch(NamedTuple):
+    """Weighted series with frames last.
+
+    Attributes
+    ----------
+    values : (B, D, T) float
+    lengths : (B,) int64
+    masks, present : (B, D) bool
+        Masks hold only where present.
+    """
+
+    values: np.ndarray
+    lengths: np.ndarray
+    masks: np.ndarray
+    present: np.ndarray
+
+
+class Rule(NamedTuple):
+    """What is done with the differences of frames, and with accumulated costs."""
+
+    squared: bool
+    euclidean: bool
+    mean: bool
+    length_norm: bool
+    root: bool
+
+
+class Bands(NamedTuple):
+    """The band of every combination of lengths, end to end.
+
+    ``low[offset[query_index[n], example_index[m]] + i]`` is the first column of row i of lengths
+    n and m; ``high`` likewise holds the column past its last.
+    """
+
+    query_index: np.ndarray
+    example_index: np.ndarray
+    offset: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+class Costs(NamedTuple):
+    """Local costs that are computed ahead of the recurrence, a column of four rows at a time.
+
+    Attributes
+    ----------
+    share : (C, LANES) float
+        What each dimension counts for in each lane.
+    local : (ROWS, LANES) float
+        Working array.
+    euclidean : bool
+    """
+
+    share: np.ndarray
+    local: np.ndarray
+    euclidean: bool
+
+
+class Room(NamedTuple):
+    """Working arrays of a tile.
+
+    Attributes
+    ----------
+    x : (rows, C) float
+        The query after its padding, whose value is ``far``.
+    block : (columns, C, LANES) float
+        The examples.
+    lengths : (LANES,) int64
+        Of the examples in the block; 0 in lanes that stay empty.
+    above : (columns, LANES) float
+        The last complete row of the table.
+    left : (ROWS, LANES) float
+        The last complete column of the rows in work.
+    corner : (LANES,) float
+        The cell above that column.
+    low, high : (rows, LANES) int32
+        The band.
+    far, border : float
+        `far` and `unreached`.
+    """
+
+    x: np.ndarray
+    block: np.ndarray
+    lengths: np.ndarray
+    above: np.ndarray
+    left: np.ndarray
+    corner: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    far: float
+    border: float
+
+
+def make_batch(batch: SignalBatch, spec: DtwSpec) -> Batch:
+    """Weight and turn a batch."""
+    values = np.ascontiguousarray(weighted(batch.values, spec).transpose(0, 2, 1))
+    return Batch(values, batch.lengths, batch.masks & batch.present, batch.present)
+
+
+def make_rule(spec: DtwSpec) -> Rule:
+    """The rule of a specification."""
+    cost = lane_cost(spec)
+    return Rule(
+        cost != "absolute", cost == "euclidean", spec.reduce == "mean", spec.length_norm, spec.root
+    )  # fmt: skip
+
+
+def make_bands(n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> Bands:
+    """The bands between series of lengths ``n`` and of lengths ``m``."""
+    rows, query_index = _index(n)
+    columns, example_index = _index(m)
+    bounds = [row_bounds(row, column, spec) for row in rows for column in columns]
+    ends = np.cumsum([0, *(len(low) for low, _ in bounds)])[:-1]
+    return Bands(
+        query_index,
+        example_index,
+        ends.reshape(len(rows), len(columns)),
+        np.concatenate([low for low, _ in bounds]),
+        np.concatenate([high for _, high in bounds]),
+    )
+
+
+def _index(lengths: np.ndarray) -> tuple[list[int], np.ndarray]:
+    """The distinct lengths, and the number of each among them."""
+    distinct = np.unique(lengths)
+    index = np.zeros(distinct[-1] + 1, np.int64)
+    index[distinct] = np.arange(len(distinct))
+    return distinct.tolist(), index
+
+
+def make_room(rows: int, columns: int, width: int, banded: bool, dtype: np.dtype) -> Room:
+    """Working arrays for queries of ``rows`` frames and examples of ``columns``."""
+    rows = -(-rows // ROWS) * ROWS
+    band = (rows if banded else 0, LANES)
+    return Room(
+        _aligned((rows, width), dtype),
+        _aligned((columns, width, LANES), dtype),
+        np.zeros(LANES, np.int64),
+        _aligned((columns, LANES), dtype),
+        _aligned((ROWS, LANES), dtype),
+        _aligned((LANES,), dtype),
+        _aligned(band, np.dtype(np.int32)),
+        _aligned(band, np.dtype(np.int32)),
+        dtype.type(far(dtype)),
+        dtype.type(unreached(dtype)),
+    )
+
+
+def make_costs(width: int, euclidean: bool, dtype: np.dtype) -> Costs:
+    """Every dimension counts fully until a tile says otherwise."""
+    costs = Costs(_aligned((width, LANES), dtype), _aligned((ROWS, LANES), dtype), euclidean)
+    costs.share[:] = 1
+    return costs
+
+
+def _aligned(shape: tuple[int, ...], dtype: np.dtype, border: int = 64) -> np.ndarray:
+    """Zeros whose first byte lies on a cache line, so that no vector load straddles two."""
+    size = int(np.prod(shape)) * dtype.itemsize
+    raw = np.zeros(size + border, np.uint8)
+    offset = -raw.ctypes.data % border
+    return raw[offset : offset + size].view(dtype).reshape(shape)
