@@ -114,7 +114,7 @@ def test_movenet_takes_bytes_and_gives_fractions(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", [(64, 48), (64, 64)])
 def test_simcc_classifies_x_and_y(size: tuple[int, int], tmp_path: Path) -> None:
     high, wide = size
-    points = np.floor(spots(17) * (wide / 64, high / 64)) + (0.0, 0.5)
+    points = np.floor(spots(17) * (wide / 64, high / 64)) + np.array([0.0, 0.5])
     x, y = (np.zeros((1, 17, 2 * side), np.float32) for side in (wide, high))
     for joint, (px, py) in enumerate(points):
         x[0, joint, int(2 * px)], y[0, joint, int(2 * py)] = 0.9, 0.6
