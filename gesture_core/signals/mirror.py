@@ -9,9 +9,6 @@ import numpy as np
 from gesture_core.errors import SignalError
 from gesture_core.types import Signals
 
-UNSIGNED = "energy"
-"""Kind of channel that has no direction: ``right_wrist_x.energy`` swaps sides but keeps its sign."""
-
 
 def other_side(channel: str) -> str:
     """Name of the channel on the other side of the body; itself on the body's middle line."""
@@ -23,9 +20,13 @@ def other_side(channel: str) -> str:
 
 
 def mirror_sign(channel: str) -> int:
-    """-1 for a channel that points to the side (``..._x``, ``..._x.velocity``), otherwise 1."""
-    name, _, kind = channel.partition(".")
-    return -1 if name.endswith("_x") and kind != UNSIGNED else 1
+    """-1 for a channel that a mirror turns round, otherwise 1.
+
+    These are what points to the side (``right_wrist_x``, ``right_wrist_x.velocity``) and the sense
+    of a turn (``right_forearm.turning``); the energy of a motion has no direction.
+    """
+    name, _, kind = channel.partition("@")[0].partition(".")
+    return -1 if kind == "turning" or (name.endswith("_x") and kind != "energy") else 1
 
 
 def mirrored(signals: Signals) -> Signals:

@@ -21,6 +21,12 @@ def register_normalizers(register: Register) -> None:
 def register_filters(register: Register) -> None:
     register("center", "gesture_signals.center:Center", summary="subtract each channel's mean")
     register("gaussian", "gesture_signals.smoothing:Gaussian", summary="Gaussian smoothing over frames")
+    register(
+        "parts",
+        "gesture_signals.parts:Parts",
+        summary="weighted vectors, directions, velocities and energies of joints and limbs",
+    )
+    register("resample", "gesture_signals.resample:Resample", summary="a common frame rate")
     register("median", "gesture_signals.smoothing:Median", summary="running median over frames")
 
 

@@ -17,22 +17,33 @@ class Gaussian:
     ----------
     sigma : float
         Standard deviation in frames; zero leaves the signals as they are.
+    seconds : float
+        Standard deviation in seconds instead, where it is above zero.
     """
 
     sigma: float = 1.0
+    seconds: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0 <= self.sigma < float("inf"):
-            raise ValueError(f"sigma {self.sigma} is not a finite number of frames")
+        if not (0 <= self.sigma < float("inf") and 0 <= self.seconds < float("inf")):
+            raise ValueError(f"sigma {self.sigma} or seconds {self.seconds} is not a finite width")
 
     def apply(self, signals: Signals) -> Signals:
         """The smoothed signals; the ends are continued by reflection."""
-        if self.sigma == 0:
+        sigma = self._frames(signals.times)
+        if sigma == 0:
             return signals
         from scipy.ndimage import gaussian_filter1d
 
-        values = gaussian_filter1d(signals.values.astype(np.float64), self.sigma, axis=0, mode="reflect")
+        values = gaussian_filter1d(signals.values.astype(np.float64), sigma, axis=0, mode="reflect")
         return replace(signals, values=values)
+
+    def _frames(self, times: np.ndarray) -> float:
+        """The width in frames; no wider than the sequence."""
+        if self.seconds == 0:
+            return self.sigma
+        step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+        return min(self.seconds / step, float(len(times))) if step > 0 else 0.0
 
 
 @dataclass(frozen=True)

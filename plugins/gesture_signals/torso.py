@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.signals.body import joint, mid_hip, relative_to_neck, trusted
+from gesture_core.signals.body import extent, joint, mid_hip, relative_to_neck, trusted
 from gesture_core.types import PoseSequence
 
 
@@ -21,19 +21,31 @@ class TorsoNormalizer:
         steadier unless the person walks towards the camera.
     floor : float
         Frames below this share of the sequence's median do not take part.
+    shoulders : float
+        Torso lengths in one shoulder distance, for a person whose hips are not in the picture
+        (a camera one metre away); zero makes that an error, E_POSE_SCALE.
     """
 
     window: float = 0.0
     floor: float = 0.2
+    shoulders: float = 0.0
 
     def __post_init__(self) -> None:
-        if not self.window >= 0 or not 0 <= self.floor < 1:
-            raise ValueError(f"window {self.window} must not be negative, floor {self.floor} must be in 0..1")
+        if not (self.window >= 0 and self.shoulders >= 0) or not 0 <= self.floor < 1:
+            raise ValueError(
+                f"window {self.window} and shoulders {self.shoulders} must not be negative, "
+                f"floor {self.floor} must be in 0..1"
+            )
 
     def normalize(self, pose: PoseSequence) -> np.ndarray:
         """(T, 18, 2) float64 in torso lengths; NaN where a joint or the neck is missing."""
         length = np.linalg.norm(joint(pose, "neck") - mid_hip(pose), axis=1)
-        length = trusted(length, self.floor, "distance from neck to hips", pose.source)
+        what = "distance from neck to hips"
+        if self.shoulders and not np.isfinite(length).any():
+            across = joint(pose, "right_shoulder") - joint(pose, "left_shoulder")
+            length = self.shoulders * np.linalg.norm(across, axis=1)
+            what = "distance between the shoulders"
+        length = trusted(length, self.floor, what, pose.source, extent(pose))
         return relative_to_neck(pose) / running_median(length, pose.times, self.window)[:, None, None]
 
 

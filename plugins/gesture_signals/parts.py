@@ -1,0 +1,169 @@
+"""Where the body's parts are, where they point, how they move: weighted channels for one warping.
+
+Positions alone make two gestures alike whose hands take the same way at another pace, and make the
+same gesture of two people differ by their proportions. The channels here are vectors of limbs and
+joints (Celebi et al. 2013 weigh joints, Reyes et al. 2011 weigh features), their velocities
+(derivative warping, Keogh and Pazzani 2001), the energy of the motion, which does not depend on the
+phase of a wave of the hand, and the sense in which a limb turns.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gesture_core.errors import SignalError
+from gesture_core.types import Signals
+
+_POINTS = ("nose", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+_LIMBS = {
+    "upper_arm": ("shoulder", "elbow"),
+    "forearm": ("elbow", "wrist"),
+    "arm": ("shoulder", "wrist"),
+    "thigh": ("hip", "knee"),
+    "shin": ("knee", "ankle"),
+}
+_TERM = re.compile(r"(?P<part>[a-z_]+)(\.(?P<kind>[a-z]+))?(@(?P<share>[0-9.]+))?")
+# Velocities in body lengths per tenth of a second have the size of positions in body lengths.
+_TENTH = 10.0
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Replace the joints' coordinates by weighted channels of body parts.
+
+    Parameters
+    ----------
+    weights : mapping
+        ``"part.kind@share"`` to the factor of its squared difference. Parts: a joint (``wrist``,
+        seen from the neck) or a limb (``forearm``, from its upper joint), both sides of it. Kinds:
+        none for the vector itself, ``direction`` (unit vector), ``velocity`` (per tenth of a
+        second), ``energy`` (its root mean square around each frame), ``turning`` (signed area that
+        the vector sweeps around its recent middle). Share: how much of the mean is subtracted.
+    window : float
+        Seconds, standard deviation of the Gaussian that ``energy`` and ``turning`` average over.
+    """
+
+    weights: Mapping[str, float] = field(default_factory=lambda: {"wrist": 1.0, "elbow": 1.0})
+    window: float = 0.2
+
+    def __post_init__(self) -> None:
+        if not self.weights or not all(0 <= w < float("inf") for w in self.weights.values()):
+            raise ValueError("weights must name parts with numbers of zero or more")
+        if not self.window > 0:
+            raise ValueError(f"window {self.window} is not above zero")
+        for text in self.weights:
+            _term(text)
+
+    def apply(self, signals: Signals) -> Signals:
+        """The channels of every part, each scaled by the root of its weight."""
+        columns, names, masks, present = [], [], [], []
+        for text, weight in self.weights.items():
+            if weight == 0:
+                continue
+            part, kind, share = _term(text)
+            for side in ("",) if part == "nose" else ("right_", "left_"):
+                vector, mask, there = _vector(signals, part, side)
+                values, suffixes = self._kind(kind, vector, signals.times)
+                values = values - share * values.mean(axis=0)
+                columns.append(values * np.sqrt(weight))
+                tail = (f".{kind}" if kind else "") + (f"@{share:g}" if share else "")
+                names += [f"{side}{part}{suffix}{tail}" for suffix in suffixes]
+                masks += [mask] * len(suffixes)
+                present += [there] * len(suffixes)
+        return replace(
+            signals,
+            values=np.concatenate(columns, axis=1),
+            channels=tuple(names),
+            mask=np.array(masks),
+            present=np.array(present),
+        )
+
+    def _kind(self, kind: str, vector: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+        return _KINDS[kind](vector, _step(times), self.window)
+
+
+def _term(text: str) -> tuple[str, str, float]:
+    match = _TERM.fullmatch(text)
+    part, kind = (match["part"], match["kind"] or "") if match else ("", "")
+    if match is None or part not in (*_POINTS, *_LIMBS) or kind not in _KINDS:
+        parts, kinds = ", ".join((*_POINTS, *_LIMBS)), ", ".join(k for k in _KINDS if k)
+        raise ValueError(f"{text!r} is not part.kind@share with a part of {parts} and a kind of {kinds}")
+    share = float(match["share"] or 0)
+    if not 0 <= share <= 1:
+        raise ValueError(f"{text!r}: the share is not in 0..1")
+    return part, kind, share
+
+
+def _vector(signals: Signals, part: str, side: str) -> tuple[np.ndarray, bool, bool]:
+    """(T, 2) float64 vector of a part, whether it is salient, whether it is present."""
+    joints = [f"{side}{name}" for name in _LIMBS.get(part, (part,))]
+    tracks, mask, present = [], False, True
+    assert signals.mask is not None and signals.present is not None
+    for joint in joints:
+        try:
+            places = [signals.channels.index(f"{joint}_{axis}") for axis in "xy"]
+        except ValueError:
+            raise SignalError(
+                f"filter 'parts' needs the channels {joint}_x and {joint}_y",
+                subject=signals.source,
+                remedy="signals.filters with 'parts' before any filter that drops channels",
+                code="E_SIGNAL_CHANNELS",
+            ) from None
+        tracks.append(signals.values[:, places].astype(np.float64))
+        mask |= bool(signals.mask[places].any())
+        present &= bool(signals.present[places].all())
+    return (tracks[-1] - tracks[0] if len(tracks) == 2 else tracks[0]), mask, present
+
+
+def _step(times: np.ndarray) -> float:
+    """Seconds from frame to frame; 1/20 where the times do not tell."""
+    steps = np.diff(times)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    return step if step > 0 else 0.05
+
+
+def _itself(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
+    return vector, ("_x", "_y")
+
+
+def _direction(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
+    length = np.linalg.norm(vector, axis=1, keepdims=True)
+    # A limb that points at the camera has no direction in the picture.
+    return np.divide(vector, length, out=np.zeros_like(vector), where=length > 1e-6), ("_x", "_y")
+
+
+def _velocity(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
+    if len(vector) < 2:
+        return np.zeros_like(vector), ("_x", "_y")
+    return np.gradient(vector, axis=0) / (step * _TENTH), ("_x", "_y")
+
+
+def _energy(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
+    speed, suffixes = _velocity(vector, step, window)
+    return np.sqrt(np.maximum(_average(speed**2, window / step), 0)), suffixes
+
+
+def _turning(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
+    speed, _ = _velocity(vector, step, window)
+    from_middle = vector - _average(vector, 2 * window / step)
+    area = from_middle[:, 0] * speed[:, 1] - from_middle[:, 1] * speed[:, 0]
+    return 3.0 * _average(area[:, None], 0.75 * window / step), ("",)
+
+
+def _average(values: np.ndarray, sigma: float) -> np.ndarray:
+    from scipy.ndimage import gaussian_filter1d
+
+    return gaussian_filter1d(values, sigma, axis=0)
+
+
+_KINDS: Mapping[str, Callable[[np.ndarray, float, float], tuple[np.ndarray, tuple[str, ...]]]] = {
+    "": _itself,
+    "direction": _direction,
+    "velocity": _velocity,
+    "energy": _energy,
+    "turning": _turning,
+}
