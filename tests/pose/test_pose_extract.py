@@ -65,7 +65,9 @@ def test_a_person_who_leaves_and_comes_back_elsewhere_is_found_again(tmp_path: P
     places = walk(16)
     nobody = np.full((12, 18, 2), np.nan)
     back = walk(16, size=120, start=(400, 150))
-    (pose,) = extract_poses(film([*places, *nobody, *back]), backend(dot_network(tmp_path / "d.onnx")), follow=True)
+    (pose,) = extract_poses(
+        film([*places, *nobody, *back]), backend(dot_network(tmp_path / "d.onnx")), follow=True
+    )
     assert (errors(pose.keypoints[:16], places) < 0.2).mean() > 0.95
     assert not pose.seen[18:28].any()
     # The last search may have been up to `rest` frames before they came back.

@@ -1,0 +1,130 @@
+"""The overlay is drawn where the joints are, and written as a video with real times, or as a strip."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny_networks import FIGURE, GREY, dot_network, dot_picture
+
+from gesture_core.cli.main import run
+from gesture_core.errors import MediaError
+from gesture_core.report.overlay import LEFT, RIGHT, draw_pose, overlay, write_strip, write_video
+from gesture_core.skeletons import COCO18, SKELETONS
+from gesture_core.types import PoseSequence
+
+TIMES = [0.0, 0.04, 0.1, 0.5, 0.5, 1.25]
+
+
+def frames(size: tuple[int, int] = (121, 161)) -> list[tuple[float, np.ndarray]]:
+    return [(t, np.full((*size, 3), 40 * i, np.uint8)) for i, t in enumerate(TIMES)]
+
+
+def pose(first: int = 0) -> PoseSequence:
+    count = len(TIMES) - first
+    points = np.stack([FIGURE * 100 + (20 + 5 * t, 10) for t in range(count)])
+    return PoseSequence(points, np.ones((count, 18)), np.array(TIMES[first:]))
+
+
+def test_each_side_has_its_colour_and_missing_joints_are_left_out() -> None:
+    points = FIGURE * 100 + (10, 10)
+    points[7] = np.nan
+    picture = np.zeros((120, 120, 3), np.uint8)
+    draw_pose(picture, points, COCO18)
+    x, y = np.rint(points[COCO18.index("right_wrist")]).astype(int)
+    assert tuple(picture[y, x]) == RIGHT
+    x, y = np.rint(points[COCO18.index("left_elbow")]).astype(int)
+    assert tuple(picture[y, x]) == LEFT
+    x, y = np.rint(FIGURE[7] * 100 + (10, 10)).astype(int)
+    assert not picture[y, x].any()
+
+
+@pytest.mark.parametrize("name", SKELETONS)
+def test_every_skeleton_can_be_drawn_even_outside_the_picture(name: str) -> None:
+    joints = len(SKELETONS[name].joints)
+    picture = np.zeros((50, 50, 3), np.uint8)
+    draw_pose(picture, np.random.default_rng(0).uniform(-100, 150, (joints, 2)), SKELETONS[name])
+    assert picture.any()
+    draw_pose(picture, np.full((joints, 2), np.nan), SKELETONS[name])
+
+
+def test_people_appear_at_their_own_times_and_frames_stay_untouched() -> None:
+    given = frames()
+    drawn = list(overlay(given, [pose(), pose(first=3)]))
+    assert [time for time, _ in drawn] == TIMES
+    changed = [
+        (picture != frame).any(axis=2).sum() for (_, picture), (_, frame) in zip(drawn, given, strict=True)
+    ]
+    assert all(changed) and min(changed[3:]) > 0
+    alone = [picture for _, picture in overlay(given, [pose(first=3)])]
+    assert all((alone[i] == given[i][1]).all() for i in range(3))
+    assert all((alone[i] != given[i][1]).any() for i in range(3, 6))
+    assert all((frame == 40 * i).all() for i, (_, frame) in enumerate(given))
+
+
+def test_a_video_keeps_the_times_of_its_frames(tmp_path: Path) -> None:
+    av = pytest.importorskip("av")
+    path = tmp_path / "out.mp4"
+    assert write_video(frames(), path) == len(TIMES)
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        assert (stream.codec_context.name, stream.width, stream.height) == ("h264", 160, 120)
+        decoded = [
+            (float(picture.time), picture.to_ndarray(format="gray")) for picture in container.decode(stream)
+        ]
+    times = [time for time, _ in decoded]
+    assert len(times) == len(TIMES) and times == sorted(set(times))
+    np.testing.assert_allclose(times, TIMES, atol=1e-3)
+    assert decoded[5][1].mean() > decoded[0][1].mean() + 100
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_failure_leaves_no_half_a_video(tmp_path: Path) -> None:
+    pytest.importorskip("av")
+
+    def broken():
+        yield frames()[0]
+        raise RuntimeError("the reader failed")
+
+    with pytest.raises(RuntimeError):
+        write_video(broken(), tmp_path / "out.mp4")
+    with pytest.raises(MediaError, match="E_MEDIA_WRITE"):
+        write_video([], tmp_path / "out.mp4")
+    with pytest.raises(MediaError, match="E_MEDIA_WRITE"):
+        write_strip([], tmp_path / "out.png")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 100])
+def test_a_strip_shows_the_beginning_and_the_end(count: int, tmp_path: Path) -> None:
+    import cv2
+
+    pictures = ((float(i), np.full((60, 80, 3), 2 * i, np.uint8)) for i in range(count))
+    assert write_strip(pictures, tmp_path / "out.png", pictures=8, height=30) == count
+    strip = cv2.imread(str(tmp_path / "out.png"))
+    assert strip.shape == (30, 40 * min(count, 8), 3)
+    shown = strip[0, ::40, 0].astype(int)
+    assert (np.diff(shown) > 0).all() and shown[0] == 0 and shown[-1] >= 2 * 0.8 * (count - 1)
+
+
+def test_the_command_renders_a_video(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("av")
+    monkeypatch.chdir(tmp_path)
+    network = dot_network(tmp_path / "dots.onnx")
+    moving = [(t / 10, dot_picture((240, 320), FIGURE * 180 + (40 + 2 * t, 30), 6)) for t in range(12)]
+    write_video(moving, tmp_path / "in.mp4", quality=8)
+    assert run(["render", "in.mp4", "--model", str(network)]) == 0
+    assert "12 frames, 1 person(s), at most 12" in capsys.readouterr().out
+    assert (tmp_path / "in-pose.mp4").stat().st_size > 1000
+    assert run(["render", "in.mp4", "--model", str(network)]) != 0
+    assert "E_EXISTS" in capsys.readouterr().err
+    assert run(["render", "in.mp4", "--model", str(network), "--overwrite"]) == 0
+    assert run(["render", "in.mp4", "--model", str(network), "--out", "a.png"]) == 0
+    assert run(["render", "in.mp4", "--model", str(network), "--out", "in.mp4", "--overwrite"]) != 0
+    assert run(["render", "in.mp4", "--model", str(network), "--out", "a.gif"]) != 0
+    write_video([(t, np.full_like(frame, GREY)) for t, frame in moving], tmp_path / "dark.mp4")
+    assert run(["render", "dark.mp4", "--model", str(network)]) == 1
+    assert "E_POSE_NONE" in capsys.readouterr().err
