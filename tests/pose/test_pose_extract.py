@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import pytest
 from tiny_networks import FIGURE, GREY, constant, dot_network, dot_picture, random_maps
 
 from gesture_core.plugin import registry
