@@ -6,8 +6,8 @@ import jax
 import numpy as np
 
 from gesture_core.dtw.lanes import LaneKernel, Lanes
-from gesture_core.dtw.spec import DtwSpec
 from gesture_dtw_jax.hard import hard_tile
+from gesture_dtw_jax.soft import soft_tile
 from gesture_dtw_jax.tiles import WIDTHS, make_tile
 
 
@@ -25,11 +25,8 @@ class JaxKernel(LaneKernel):
         """``"cpu"``, ``"gpu"`` or ``"tpu"``."""
         return jax.default_backend()
 
-    def supports(self, spec: DtwSpec) -> bool:
-        """Hard warping without holes in the band."""
-        return super().supports(spec) and spec.gamma is None
-
     def warp(self, lanes: Lanes) -> np.ndarray:
         """(P,) accumulated costs."""
         with jax.enable_x64(lanes.x.dtype == np.float64):
-            return np.asarray(hard_tile(make_tile(lanes), lanes.cost))[: len(lanes)]
+            compute = hard_tile if lanes.gamma is None else soft_tile
+            return np.asarray(compute(make_tile(lanes), lanes.cost))[: len(lanes)]

@@ -10,7 +10,7 @@ from gesture_core.dtw.lanes import UNBOUNDED, Lanes, far
 
 ROWS = 8
 """Rows of the warping table that one pass over the columns computes."""
-WIDTHS = (64, 1024)
+WIDTHS = (64, 256, 1024)
 """Lanes of a tile."""
 
 

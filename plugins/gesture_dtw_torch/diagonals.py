@@ -1,0 +1,140 @@
+"""The warping table by anti-diagonals: row i of diagonal k is the cell (i, k - i).
+
+A diagonal is stored one row down, below a border row, so that the three predecessors of all its
+cells are three slices of the two diagonals before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+
+class Band(NamedTuple):
+    """First column and column past the last of each row, both (n_max, P) int32."""
+
+    low: Tensor
+    high: Tensor
+
+
+class Diagonal(NamedTuple):
+    """The rows ``first`` to ``stop`` of diagonal ``k``, and the frames of y that they meet."""
+
+    k: int
+    first: int
+    stop: int
+    y: slice
+
+
+def diagonals(rows: int, columns: int) -> Iterator[Diagonal]:
+    """All diagonals of a table, for a reversed y."""
+    for k in range(rows + columns - 1):
+        first, stop = max(0, k - columns + 1), min(rows, k + 1)
+        skip = columns - 1 - k
+        yield Diagonal(k, first, stop, slice(first + skip, stop + skip))
+
+
+def border_value(x: Tensor) -> float:
+    """What cells hold that no path reaches."""
+    return 1e32 if x.dtype == torch.float32 else 1e250
+
+
+def local_costs(x: Tensor, y: Tensor, cost: str, out: Tensor | None = None) -> Tensor:
+    """(K, P) costs of (K, C, P) frames, summed over the dimensions in their order."""
+    if x.shape[1] == 1 and out is not None:
+        torch.sub(x[:, 0], y[:, 0], out=out)
+        return out.abs_() if cost != "squared" else out.mul_(out)
+    total = None
+    for c in range(x.shape[1]):
+        term = x[:, c] - y[:, c]
+        term = term.abs_() if cost == "absolute" else term.mul_(term)
+        total = term if total is None else total.add_(term)
+    assert total is not None
+    return total.sqrt_() if cost == "euclidean" else total
+
+
+def hard_diagonals(x: Tensor, y: Tensor, n: Tensor, m: Tensor, band: Band | None, cost: str) -> Tensor:
+    """(P,) accumulated cost of each lane at its own last cell."""
+    rows, columns, lanes = x.shape[0], y.shape[0], x.shape[2]
+    flipped = y.flip(0)
+    last, before, now = (x.new_full((rows + 1, lanes), border_value(x)) for _ in range(3))
+    before[0] = 0
+    local, least = x.new_empty((rows, lanes)), x.new_empty((rows, lanes))
+    result = x.new_empty(lanes)
+    ends = _ends(n, m)
+    for k, first, stop, window in diagonals(rows, columns):
+        size = stop - first
+        c = local_costs(x[first:stop], flipped[window], cost, local[:size])
+        v = torch.minimum(last[first:stop], last[first + 1 : stop + 1], out=least[:size])
+        torch.minimum(v, before[first:stop], out=v)
+        torch.add(v, c, out=now[first + 1 : stop + 1])
+        _clear(now, k, first, stop, band)
+        if k in ends:
+            result[ends[k]] = now[n[ends[k]], ends[k]]
+        last, before, now = now, last, before
+    return result
+
+
+def soft_diagonals(
+    x: Tensor,
+    y: Tensor,
+    n: Tensor,
+    m: Tensor,
+    band: Band | None,
+    gamma: Tensor,
+    cost: str,
+    keep: bool = False,
+) -> tuple[Tensor, Tensor | None]:
+    """(P,) soft accumulated cost of each lane at its own last cell.
+
+    With ``keep``, also the whole table, (K, n_max + 1, P) by diagonals.
+    """
+    rows, columns, lanes = x.shape[0], y.shape[0], x.shape[2]
+    flipped = y.flip(0)
+    border = border_value(x)
+    count = rows + columns - 1
+    table = x.new_full((count if keep else 3, rows + 1, lanes), border)
+    last, before = x.new_full((rows + 1, lanes), border), x.new_full((rows + 1, lanes), border)
+    before[0] = 0
+    result = x.new_empty(lanes)
+    ends = _ends(n, m)
+    for k, first, stop, window in diagonals(rows, columns):
+        now = table[k if keep else k % 3]
+        three = (last[first:stop], last[first + 1 : stop + 1], before[first:stop])
+        now[first + 1 : stop + 1] = local_costs(x[first:stop], flipped[window], cost)
+        now[first + 1 : stop + 1] += soft_least(*three, gamma)
+        _clear(now, k, first, stop, band)
+        if k in ends:
+            result[ends[k]] = now[n[ends[k]], ends[k]]
+        last, before = now, last
+    return result, table if keep else None
+
+
+def soft_least(up: Tensor, left: Tensor, diagonal: Tensor, gamma: Tensor) -> Tensor:
+    """``-gamma * log(sum(exp(-v / gamma)))`` of three."""
+    least = torch.minimum(torch.minimum(up, left), diagonal)
+    total = ((least - up) / gamma).exp_()
+    total += ((least - left) / gamma).exp_()
+    total += ((least - diagonal) / gamma).exp_()
+    return least - gamma * total.log_()
+
+
+def _clear(now: Tensor, k: int, first: int, stop: int, band: Band | None) -> None:
+    """Put the border value beside the diagonal's cells and into those outside the band."""
+    border = border_value(now)
+    now[first] = border
+    if stop + 1 < len(now):
+        now[stop + 1] = border
+    if band is not None:
+        column = k - torch.arange(first, stop, device=now.device)[:, None]
+        outside = (column < band.low[first:stop]) | (column >= band.high[first:stop])
+        now[first + 1 : stop + 1].masked_fill_(outside, border)
+
+
+def _ends(n: Tensor, m: Tensor) -> dict[int, Tensor]:
+    """The lanes whose last cell lies on each diagonal."""
+    ends = n + m - 2
+    return {k: torch.nonzero(ends == k)[:, 0] for k in torch.unique(ends).tolist()}
