@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.archive.hashing import content_sha256, settings_sha256
 from gesture_core.archive.store import read_keypoints, write_keypoints
 from gesture_core.archive.work import Job, Outcome, Task
-from gesture_core.errors import GestureError, KeypointError
+from gesture_core.errors import GestureError, KeypointError, RunFolderError
 from gesture_core.plugin import registry
 from gesture_core.types import PoseSequence
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     from gesture_core.plugin.kinds import PoseBackend
 
+STORE_FAILED = "E_STORE_WRITE"
+"""Code of an outcome after which no other input can succeed either."""
 _REPORT_SECONDS = 0.5
 
 
@@ -87,7 +89,14 @@ class Extractor:
             sequences, facts = self._keypoints(task)
         facts["people"] = len(sequences)
         name = self._name(task, outcome.sha256)
-        write_keypoints(self._job.store / name, sequences, facts)
+        try:
+            write_keypoints(self._job.store / name, sequences, facts)
+        except OSError as error:
+            raise RunFolderError(
+                f"keypoints cannot be written to {self._job.store}: {error.strerror or error}",
+                remedy="free space there, or name another folder in GESTURE_CACHE",
+                code=STORE_FAILED,
+            ) from error
         return replace(outcome, stored=name, **_facts(facts))
 
     def _video(

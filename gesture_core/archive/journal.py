@@ -9,6 +9,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +89,20 @@ class Journal:
 
     def __exit__(self, *_: object) -> None:
         self._db.close()
+
+    @contextmanager
+    def failures(self) -> Iterator[None]:
+        """SQLite errors inside the block as a RunFolderError: a full disk, a lost mount."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise RunFolderError(
+                f"cannot be written: {error}",
+                subject=str(self.path),
+                kept="every committed row",
+                remedy="free space there, then the same command again",
+                code="E_RUN_WRITE",
+            ) from error
 
     def get(self, key: str) -> str | None:
         """A fact about the run."""

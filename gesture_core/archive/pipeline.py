@@ -15,6 +15,7 @@ from gesture_core.archive.assemble import person_rows, skipped_row
 from gesture_core.archive.deciding import ExampleSet, predict, stored_poses
 from gesture_core.archive.discovery import Input, discover, label_inputs
 from gesture_core.archive.extraction import extract_all
+from gesture_core.archive.extractor import STORE_FAILED
 from gesture_core.archive.fingerprint import differences, fingerprint, pose_identity, run_configuration
 from gesture_core.archive.hashing import content_sha256, stamp
 from gesture_core.archive.journal import Journal
@@ -24,7 +25,7 @@ from gesture_core.archive.rows import Row
 from gesture_core.archive.run import Listener, RunRequest, RunSummary, keypoint_store
 from gesture_core.archive.work import Outcome
 from gesture_core.classify.estimator import GestureClassifier
-from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.errors import ConfigError, GestureError, InputError, RunFolderError
 from gesture_core.plugin import registry
 from gesture_core.settings import Settings
 from gesture_core.types import PoseSequence, Prediction
@@ -46,7 +47,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     """
     started = time.monotonic()
     request.out.mkdir(parents=True, exist_ok=True)
-    with run_lock(request.out), Journal(request.out, create=True) as journal:
+    with run_lock(request.out), Journal(request.out, create=True) as journal, journal.failures():
         run = _Run.plan(request, journal, listener or Listener())
         if run.waiting:
             run.work()
@@ -130,6 +131,8 @@ class _Run:
         arrived: list[tuple[Input, Outcome]] = []
         last = time.monotonic()
         for outcome in extraction:
+            if outcome.code == STORE_FAILED:
+                raise RunFolderError(outcome.message, kept="every committed row", code=STORE_FAILED)
             item = everything[outcome.number]
             self.listener.extracted(item.name, outcome.cached)
             self.frames += 0 if outcome.cached else outcome.frames_read

@@ -62,7 +62,7 @@ def test_every_trap_costs_one_row(drawn: DemoArchive, site: Path, tmp_path: Path
         assert row["code"] == code or (name == "stdout" and row["status"] in ("ok", "rejected")), row
         if code:
             assert row["status"] == "error" and row["label"] is None
-            assert row["attempts"] == (2 if code.startswith("E_WORKER") and name != "huge" else 1), row
+            assert row["attempts"] == (2 if code.startswith("E_WORKER") else 1), row
         if code == "E_PLUGIN_RAISED":
             assert "trap 6.6" in row["message"]
     assert found == rows(clean.stdout), "a trap changed another input's row"
