@@ -8,12 +8,12 @@ that writers use.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import BinaryIO
 
-_MAX_HEADER = 64 << 20
-_MAX_BOXES = 100_000
+from gesture_core.media.boxes import boxes, child, movie_header
+
 # Writers take a round number, a rate of sound, or a frame rate times a power of two that exceeds 10,000.
 _ROUND = (100, 11025, 999)
 _POWER, _LEAST = 512, 10_000
@@ -51,7 +51,7 @@ def read_edits(file: BinaryIO, track: int) -> Edits | None:
     """
     position = file.tell()
     try:
-        header = _movie_header(file)
+        header = movie_header(file)
         return _edits(header, track) if header else None
     except (struct.error, IndexError):
         return None
@@ -59,58 +59,17 @@ def read_edits(file: BinaryIO, track: int) -> Edits | None:
         file.seek(position)
 
 
-def _movie_header(file: BinaryIO) -> bytes:
-    file.seek(0)
-    at = 0
-    for _ in range(_MAX_BOXES):
-        file.seek(at)
-        size, kind, body = _box(file.read(16))
-        if kind == b"moov":
-            file.seek(at + body)
-            return file.read(min(size - body, _MAX_HEADER)) if size else file.read(_MAX_HEADER)
-        if size < 8:
-            return b""
-        at += size
-    return b""
-
-
-def _box(head: bytes) -> tuple[int, bytes, int]:
-    """Size, kind and length of the header of the box that begins ``head``."""
-    size, kind = struct.unpack_from(">I4s", head)
-    if size == 1:
-        return struct.unpack_from(">Q", head, 8)[0], kind, 16
-    return size, kind, 8
-
-
-def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
-    at = 0
-    for _ in range(_MAX_BOXES):
-        if at + 8 > len(data):
-            return
-        size, kind, body = _box(data[at : at + 16].ljust(16, b"\0"))
-        if size < body:
-            return
-        yield kind, data[at + body : at + size]
-        at += size
-
-
-def _child(data: bytes, *path: bytes) -> bytes:
-    for name in path:
-        data = next((body for kind, body in _boxes(data) if kind == name), b"")
-    return data
-
-
 def _edits(header: bytes, track: int) -> Edits | None:
-    movie = _child(header, b"mvhd")
-    for kind, body in _boxes(header):
+    movie = child(header, b"mvhd")
+    for kind, body in boxes(header):
         if kind != b"trak":
             continue
-        number, length = _fields(_child(body, b"tkhd"), ">III4xI", ">QQI4xQ", 2, 3)
-        edits = _child(body, b"edts", b"elst")
+        number, length = _fields(child(body, b"tkhd"), ">III4xI", ">QQI4xQ", 2, 3)
+        edits = child(body, b"edts", b"elst")
         if number != track or not edits:
             continue
-        clock, media_length = _fields(_child(body, b"mdia", b"mdhd"), ">IIII", ">QQIQ", 2, 3)
-        steps = _child(body, b"mdia", b"minf", b"stbl", b"stts")
+        clock, media_length = _fields(child(body, b"mdia", b"mdhd"), ">IIII", ">QQIQ", 2, 3)
+        steps = child(body, b"mdia", b"minf", b"stbl", b"stts")
         return Edits(
             movie_clock=_fields(movie, ">III", ">QQI", 2)[0],
             media_clock=clock,

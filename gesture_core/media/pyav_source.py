@@ -19,6 +19,7 @@ import numpy as np
 from gesture_core.errors import MediaError
 from gesture_core.media.account import Account
 from gesture_core.media.edits import read_edits
+from gesture_core.media.fragments import broken_chain
 from gesture_core.media.info import Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
 from gesture_core.media.sniff import printable
@@ -162,6 +163,8 @@ class PyAvSource:
             # Absent from older releases of PyAV; then a trimmed file counts as short.
             index = len(getattr(self._stream, "index_entries", ()))
             self._account.trimmed = max(0, declared - index) if index else 0
+        if self.info.container == "mov" and (fault := broken_chain(self._file)):
+            self._ledger.damage(f"broken chain of fragments: {fault}")
         cut = self._account.cut and self.info.container == "mov"
         if cut:
             edits = read_edits(self._file, self._stream.id)

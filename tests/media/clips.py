@@ -16,6 +16,7 @@ _CONTAINERS = {
     "mkv": ("h264", "hevc", "vp9", "mpeg4", "mjpeg"),
     "webm": ("vp9",),
 }
+_FRAGMENTED = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
 KINDS = tuple((container, codec) for container, codecs in _CONTAINERS.items() for codec in codecs)
 
 
@@ -86,4 +87,7 @@ def make_clips(folder: Path, kinds: tuple[tuple[str, str], ...] = KINDS) -> list
         # AVI stamps packets in the order of the file: pictures that come out of order confuse it.
         write_clip(path, codec, options={"bf": "0"} if container == "avi" else None)
         clips.append(Clip(path.name, container, codec, FRAMES, path.read_bytes()))
+    fragmented = folder / "fragmented.mp4"
+    write_clip(fragmented, "mpeg4", container_options=_FRAGMENTED)
+    clips.append(Clip(fragmented.name, "mp4", "mpeg4", FRAMES, fragmented.read_bytes()))
     return clips

@@ -9,7 +9,6 @@ import io
 import json
 import subprocess
 import sys
-import time
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -20,45 +19,13 @@ from frames import frame_name, frame_text, person
 from gesture_pose_files.arrays import ArrayReader
 from gesture_pose_files.csv_table import CsvReader
 from gesture_pose_files.files import MAX_JSON_BYTES
-from gesture_pose_files.openpose_json import OpenPoseJsonReader
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from json_fuzz import corpus, fuzz
-
-from gesture_core.errors import KeypointError
+from outcomes import check, check_frame
 
 # Two seconds of this process's own time are the contract; Hypothesis would count what others take.
 FUZZ: dict[str, Any] = {"deadline": None, "suppress_health_check": list(HealthCheck)}
-
-
-def check(reader: Any, path: Path) -> str:
-    """Read ``path`` in full: its sequences are sound, or a typed error says why not, within 2 s."""
-    started = time.process_time()
-    outcome = _outcome(reader, path)
-    assert time.process_time() - started < 2
-    return outcome
-
-
-def _outcome(reader: Any, path: Path) -> str:
-    try:
-        if not reader.accepts(path) and not path.is_dir():
-            reader.read(path)
-        found = [one for member in reader.members(path)[:3] for one in reader.read(path, member)]
-    except KeypointError as error:
-        assert error.code.startswith(("E_KEYPOINTS_", "E_SKELETON")), error
-        assert error.subject
-        str(error).encode()
-        return error.code
-    for sequence in found:
-        assert len(sequence) and np.isfinite(sequence.times).all()
-        assert not np.isinf(sequence.keypoints).any()
-        assert (sequence.scores >= 0).all() and (sequence.scores <= 1).all()
-    return "ok"
-
-
-def check_frame(folder: Path, data: bytes) -> str:
-    (folder / frame_name("f", 0)).write_bytes(data)
-    return check(OpenPoseJsonReader(), folder)
 
 
 @pytest.fixture(scope="module")
