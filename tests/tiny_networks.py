@@ -56,9 +56,9 @@ def dot_network(path: Path, side: int | None = 96, stride: int = 4, fields: bool
     widen = np.zeros((outputs, joints, 1, 1), np.float32)
     widen[:joints, :, 0, 0] = 4 * np.eye(joints)
     nodes = [
-        helper.make_node("Conv", ["image", "spread", "colours"], ["difference"]),
+        helper.make_node("Conv", ["image", "spread", "colours"], ["difference"], kernel_shape=[1, 1]),
         helper.make_node("Abs", ["difference"], ["distance"]),
-        helper.make_node("Conv", ["distance", "gather", "one"], ["likeness"]),
+        helper.make_node("Conv", ["distance", "gather", "one"], ["likeness"], kernel_shape=[1, 1]),
         helper.make_node("Relu", ["likeness"], ["dots"]),
         helper.make_node(
             "AveragePool",
@@ -68,7 +68,7 @@ def dot_network(path: Path, side: int | None = 96, stride: int = 4, fields: bool
             strides=[stride] * 2,
             pads=[stride // 2] * 4,
         ),
-        helper.make_node("Conv", ["coarse", "widen"], ["maps"]),
+        helper.make_node("Conv", ["coarse", "widen"], ["maps"], kernel_shape=[1, 1]),
     ]
     weights = {
         "spread": spread,
@@ -88,10 +88,10 @@ def random_maps(path: Path, channels: int = 57, side: int = 64, stride: int = 8,
     first = random.normal(0, 0.02, (16, 3, 5, 5)).astype(np.float32)
     second = random.normal(0, 0.06, (channels, 16, 1, 1)).astype(np.float32)
     nodes = [
-        helper.make_node("Conv", ["image", "first"], ["a"], pads=[2, 2, 2, 2]),
+        helper.make_node("Conv", ["image", "first"], ["a"], kernel_shape=[5, 5], pads=[2, 2, 2, 2]),
         helper.make_node("Relu", ["a"], ["b"]),
         helper.make_node("AveragePool", ["b"], ["c"], kernel_shape=[stride] * 2, strides=[stride] * 2),
-        helper.make_node("Conv", ["c", "second"], ["d"]),
+        helper.make_node("Conv", ["c", "second"], ["d"], kernel_shape=[1, 1]),
         helper.make_node("Sigmoid", ["d"], ["maps"]),
     ]
     image = ("image", TensorProto.FLOAT, ["N", 3, side, side])

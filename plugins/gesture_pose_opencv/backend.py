@@ -74,8 +74,10 @@ def _caffe(model: ModelFile, weights: bytes) -> cv2.dnn.Net:
 
 
 def _refused(model: ModelFile, what: str, error: cv2.error) -> ModelError:
+    # OpenCV repeats itself over several lines; the first of them say what it is.
+    reason = " ".join((error.err or str(error)).split())
     return ModelError(
-        f"OpenCV {cv2.__version__} cannot {what}: {error.err or str(error).splitlines()[0]}",
+        f"OpenCV {cv2.__version__} cannot {what}: {reason[:200]}",
         subject=str(model.path),
         remedy="--pose onnx for an ONNX file, or another model",
         code="E_MODEL_LOAD",

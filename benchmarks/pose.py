@@ -1,0 +1,271 @@
+"""Gates of the pose stage: a student network beside the teacher hpe0001 and the rival mv2s 256.
+
+    python benchmarks/pose.py [--student NAME|FILE] [--only A,B,C] [--every N] [--shared FOLDER]
+
+A   UTD clips against the published keypoints; 225 videos of gestures against the teacher
+B   accuracy of the same classifier with the keypoints of the student and of the teacher
+C   frames a second, end to end and beside the bare runtime
+
+Keypoints are kept under --cache by the hashes of network and video, so that a second run is quick.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from datasets import arguments, need
+from pose_measures import Comparison, compare, to_authors
+
+from gesture_core.errors import GestureError
+from gesture_core.media.reader import open_video
+from gesture_core.paths import cache_dir
+from gesture_core.plugin import registry
+from gesture_core.pose.extract import extract_poses
+from gesture_core.pose.letterbox import Letterbox, input_size, to_batch
+from gesture_core.pose.models import find_model
+from gesture_core.pose.network import NetworkBackend
+from gesture_core.types import PoseSequence
+
+TEACHER, RIVAL = "hpe0001_f32_dynamic.onnx", "openpose_mv2s_256x256.onnx"
+
+
+@dataclass(frozen=True)
+class Gate:
+    """One line of the table."""
+
+    name: str
+    what: str
+    value: float
+    must: float
+    aim: float
+    unit: str = ""
+    least: bool = False
+
+    def line(self) -> str:
+        good = (lambda bound: self.value >= bound) if self.least else (lambda bound: self.value <= bound)
+        verdict = "aim" if good(self.aim) else "met" if good(self.must) else "MISSED"
+        sign = ">=" if self.least else "<="
+        value = "n/a" if np.isnan(self.value) else f"{self.value:.3f}{self.unit}"
+        return f"{self.name:4} {self.what:62} {value:>9}  {sign} {self.must:g} ({self.aim:g})  {verdict}"
+
+
+class Extractor:
+    """Keypoints of videos by one network, remembered in a folder."""
+
+    def __init__(self, model: str | Path, cache: Path, threads: int = 0, follow: bool | None = None) -> None:
+        found = find_model(model)
+        self.backend: NetworkBackend = registry().make("pose", "onnx", {"threads": threads}, model=found)
+        self.name = found.name
+        self.follow = follow
+        source = Path(sys.modules["gesture_core.pose.follow"].__file__ or "").read_bytes()
+        code = hashlib.sha256(source).hexdigest()[:8] if self.following else "still"
+        self.folder = cache / f"{found.name}-{found.sha256[:12]}-{code}"
+
+    @property
+    def following(self) -> bool:
+        return self.backend.contract.follow if self.follow is None else self.follow
+
+    def frames(self, video: Path) -> PoseSequence:
+        """All frames of a video, from the folder if they are there."""
+        data = hashlib.sha256(video.read_bytes()).hexdigest()[:24]
+        path = self.folder / f"{data}.npz"
+        if path.is_file():
+            with np.load(path, allow_pickle=False) as kept:
+                return PoseSequence(
+                    kept["keypoints"], kept["scores"], kept["times"], str(kept["skeleton"]), (640, 480)
+                )
+        with open_video(video) as frames:
+            (pose,) = extract_poses(frames, self.backend, follow=self.follow, source=str(video))
+        self.folder.mkdir(parents=True, exist_ok=True)
+        np.savez(
+            path,
+            keypoints=pose.keypoints,
+            scores=pose.scores,
+            times=pose.times,
+            skeleton=np.array(pose.skeleton),
+        )
+        return pose
+
+
+def utd(shared: Path, networks: list[Extractor]) -> list[Gate]:
+    """A1, and the figure of the reader's own reference: hpe0001 at 368."""
+    videos = sorted(need(shared / "data" / "utd_openpose" / "videos").glob("*.avi"))
+    gates = []
+    for number, network in enumerate(networks):
+        found = []
+        total = 0
+        for video in videos:
+            table = np.loadtxt(f"{video}.csv", delimiter=",").reshape(-1, 18, 2)
+            total += len(table)
+            found.append(to_authors(network.frames(video), table))
+        plain, fitted = (np.concatenate(part) for part in zip(*found, strict=True))
+        print(
+            f"UTD   {network.name:20} mean {plain.mean():.3f}  median {np.median(plain):.3f}  "
+            f"aligned mean {fitted.mean():.3f}  all 18 joints in {len(plain) / total:.1%} of {total} frames"
+        )
+        if number == 0:
+            gates.append(Gate("A1", "UTD, student to the authors, aligned mean", fitted.mean(), 0.17, 0.12))
+        elif network.name == "hpe0001":
+            gates.append(Gate("A0", "UTD, hpe0001 at 368 to the authors, mean", plain.mean(), 0.17, 0.17))
+    return gates
+
+
+def gestures(shared: Path, student: Extractor, teacher: Extractor, every: int) -> list[Gate]:
+    """A2 and A3 at every eighth frame, by distance and together."""
+    by_distance: dict[str, list[Comparison]] = {}
+    for video in gesture_videos(shared)[::every]:
+        one, two = student.frames(video), teacher.frames(video)
+        distance = video.stem.split("_")[2]
+        by_distance.setdefault(distance, []).append(compare(one, two, np.arange(0, len(two), 8)))
+    every_part = [part for parts in by_distance.values() for part in parts]
+    for distance, parts in [*sorted(by_distance.items()), ("all", every_part)]:
+        it = Comparison.join(parts)
+        print(
+            f"BODY  {student.name:20} {distance:4} {len(parts):3} videos  wrist median {it.wrist_median:.3f}  "
+            f"PCK@0.5 {it.pck:.3f}  joints found {it.joints_found:.3f}  "
+            f"frames with all found {it.frames_found:.3f}  swaps {it.swaps:.4f}"
+        )
+    it = Comparison.join(every_part)
+    return [
+        Gate("A2", "gestures, wrist median to hpe0001", it.wrist_median, 0.30, 0.20),
+        Gate("A2", "gestures, PCK@0.5", it.pck, 0.93, 0.97, least=True),
+        Gate("A2", "gestures, visible joints found", it.joints_found, 0.95, 0.98, least=True),
+        Gate("A3", "gestures, left and right swapped", it.swaps, 0.01, 0.003),
+    ]
+
+
+def gesture_videos(shared: Path) -> list[Path]:
+    """The 225 videos."""
+    return sorted(need(shared / "data" / "body_gesture").glob("S*/*.avi"))
+
+
+def classification(shared: Path, student: Extractor, teacher: Extractor, preset: str) -> list[Gate]:
+    """B1: leave one subject out, the same classifier on the keypoints of both."""
+    from gesture_core.classify.estimator import GestureClassifier
+
+    videos = gesture_videos(shared)
+    labels = np.array([video.stem.split("_")[0] for video in videos])
+    subjects = np.array([video.parent.name for video in videos])
+    accuracy = []
+    for network in (student, teacher):
+        poses = [network.frames(video).as_coco18() for video in videos]
+        right = 0
+        for subject in np.unique(subjects):
+            inside = np.flatnonzero(subjects != subject)
+            outside = np.flatnonzero(subjects == subject)
+            model = GestureClassifier(preset).fit([poses[i] for i in inside], labels[inside])
+            right += int((model.predict([poses[i] for i in outside]) == labels[outside]).sum())
+        accuracy.append(100 * right / len(videos))
+        print(f"B1    {network.name:20} preset {preset}: {right} of {len(videos)} ({accuracy[-1]:.1f} %)")
+    return [Gate("B1", "gestures, points of accuracy lost to hpe0001", accuracy[1] - accuracy[0], 8, 3)]
+
+
+def speed(shared: Path, networks: list[Extractor], rounds: int) -> list[Gate]:
+    """C1, and extraction beside the bare runtime; the best of several interleaved rounds."""
+    videos = sorted((shared / "data" / "utd_openpose" / "videos").glob("*.avi"))
+    frames = []
+    for video in videos:
+        with open_video(video) as reader:
+            frames += list(reader)
+    times = {(network.name, what): [] for network in networks for what in ("bare", "memory", "end to end")}
+    for _ in range(rounds):
+        for network in networks:
+            bare = _bare(network.backend, [frame for _, frame in frames])
+            times[network.name, "bare"].append(_seconds(bare))
+            times[network.name, "memory"].append(
+                _seconds(lambda n=network: extract_poses(_ordered(frames), n.backend, follow=False))
+            )
+            times[network.name, "end to end"].append(_seconds(lambda n=network: _end_to_end(n, videos)))
+    rate = {key: len(frames) / min(seconds) for key, seconds in times.items()}
+    for network in networks:
+        bare_, memory, whole = (rate[network.name, what] for what in ("bare", "memory", "end to end"))
+        print(
+            f"C1    {network.name:20} runtime alone {bare_:6.1f} frames/s  extraction {memory:6.1f} "
+            f"({memory / bare_:.2f})  with decoding{' and following' if network.following else ''} "
+            f"{whole:6.1f} ({whole / bare_:.2f})"
+        )
+    student, rival = networks[0].name, networks[-1].name
+    return [
+        Gate("C0", f"extraction over the bare runtime, {student}",
+             rate[student, "memory"] / rate[student, "bare"], 0.8, 0.9, least=True),
+        Gate("C1", f"frames/s end to end over {rival}",
+             rate[student, "end to end"] / rate[rival, "end to end"], 1.5, 3.0, " x", least=True),
+    ]  # fmt: skip
+
+
+def _ordered(frames: list[tuple[float, np.ndarray]]) -> list[tuple[float, np.ndarray]]:
+    return [(float(i), frame) for i, (_, frame) in enumerate(frames)]
+
+
+def _bare(backend: NetworkBackend, frames: list[np.ndarray]) -> Callable[[], None]:
+    """A run of the network over ready-made batches of the frames: no decoding, scaling or peaks."""
+    size = input_size(backend.contract, (frames[0].shape[1], frames[0].shape[0]), backend.height)
+    box = Letterbox.fit((frames[0].shape[1], frames[0].shape[0]), size)
+    step = backend.batch_size
+    batches = [to_batch(frames[i : i + step], box, backend.contract) for i in range(0, len(frames), step)]
+
+    def run() -> None:
+        for batch in batches:
+            backend.run(batch)
+
+    return run
+
+
+def _end_to_end(network: Extractor, videos: list[Path]) -> None:
+    for video in videos:
+        with open_video(video) as frames:
+            extract_poses(frames, network.backend, follow=network.follow)
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def main() -> int:
+    """Print the measures, then the gates; the exit code says whether every must is met."""
+    parser = arguments(__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--student", default="compact", help="name or file of the network to judge")
+    parser.add_argument("--only", default="A,B,C", help="gates to run")
+    parser.add_argument("--every", type=int, default=1, help="every n-th gesture video for A2 and A3")
+    parser.add_argument("--preset", default="paper", help="preset of B1")
+    parser.add_argument("--rounds", type=int, default=3, help="of each timing")
+    parser.add_argument("--threads", type=int, default=0, help="of onnxruntime; 0: its own choice")
+    parser.add_argument("--cache", type=Path, default=cache_dir() / "benchmark-pose")
+    chosen = parser.parse_args()
+    models = need(chosen.shared / "models")
+    wanted = chosen.only.split(",")
+    print(f"python benchmarks/pose.py {' '.join(sys.argv[1:])}")
+    print(
+        f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, {time.strftime('%F')}"
+    )
+    try:
+        student = Extractor(chosen.student, chosen.cache, chosen.threads)
+    except GestureError as error:
+        sys.exit(str(error))
+    teacher, rival = (Extractor(models / file, chosen.cache, chosen.threads) for file in (TEACHER, RIVAL))
+    gates: list[Gate] = []
+    if "A" in wanted:
+        gates += utd(chosen.shared, [student, teacher, rival])
+        gates += gestures(chosen.shared, student, teacher, chosen.every)
+    if "B" in wanted:
+        gates += classification(chosen.shared, student, teacher, chosen.preset)
+    if "C" in wanted:
+        gates += speed(chosen.shared, [student, teacher, rival], chosen.rounds)
+    print("\ngate what" + " " * 60 + "value  must (aim)")
+    for gate in gates:
+        print(gate.line())
+    return 0 if all("MISSED" not in gate.line() for gate in gates) else 3
+
+
+if __name__ == "__main__":
+    sys.exit(main())
