@@ -37,7 +37,16 @@ def test_it_is_listed_with_its_origin_and_options(installed: Path) -> None:
 
 def test_it_runs_in_the_main_job(installed: Path, drawn: DemoArchive, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    chosen = ["--set", "normalizer=hips", "--kernel", "plain", "--set", "mode=dependent", "--set", "reduce=sum"]
+    chosen = [
+        "--set",
+        "normalizer=hips",
+        "--kernel",
+        "plain",
+        "--set",
+        "mode=dependent",
+        "--set",
+        "reduce=sum",
+    ]
     chosen += ["--set", "hips.minimum=2", "--preset", "paper"]
     done = gesture(
         "classify", drawn.video_keypoints, "--examples", drawn.example_keypoints, "--out", out, *chosen,
