@@ -1,0 +1,188 @@
+"""Why a query is near one example and farther from another: the warping, and what each channel costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gesture_core.classify.comparison import common_share
+from gesture_core.classify.library import ExampleLibrary
+from gesture_core.dtw.spec import DtwSpec
+from gesture_core.errors import InputError
+from gesture_core.settings import Settings
+from gesture_core.signals.mirror import mirrored
+from gesture_core.types import Signals
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A query against one example.
+
+    Attributes
+    ----------
+    example : str
+    label : str
+    distance : float
+        As the decision saw it, factors included.
+    mirrored : bool
+        The example was read as the movement of the other hand.
+    query, signals : Signals
+        What was compared; ``signals`` is the example, mirrored where that was nearer.
+    costs : (D,) float array
+        Part of the distance that each channel contributes; zero for channels that do not take part.
+    used : (D,) bool
+        Channels that take part.
+    paths : tuple of (K, 2) int arrays
+        Matched frames: one path, or one for each used channel in independent mode.
+    """
+
+    example: str
+    label: str
+    distance: float
+    mirrored: bool
+    query: Signals
+    signals: Signals
+    costs: np.ndarray
+    used: np.ndarray
+    paths: tuple[np.ndarray, ...]
+
+    def path_of(self, channel: int) -> np.ndarray:
+        """The matched frames of one channel."""
+        if len(self.paths) == 1:
+            return self.paths[0]
+        return self.paths[int(self.used[:channel].sum())]
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """The nearest example of the nearest class, and that of the runner-up (None with one class)."""
+
+    nearest: Alignment
+    runner_up: Alignment | None
+
+
+def explain(
+    query: Signals, library: ExampleLibrary, distances: np.ndarray, settings: Settings
+) -> Explanation:
+    """Explain one row of distances.
+
+    Parameters
+    ----------
+    query : Signals
+    library : ExampleLibrary
+        Of Signals.
+    distances : (N,) float array
+        The query's distances to the examples, as `comparison.compare` gives them.
+    settings : Settings
+
+    Raises
+    ------
+    InputError
+        E_NO_COMMON where no example can be compared with the query.
+    """
+    clean = np.where(np.isnan(distances), np.inf, distances)
+    order = np.argsort(clean, kind="stable")
+    first = int(order[0])
+    if not np.isfinite(clean[first]):
+        raise InputError("no example has a dimension in common with this input", code="E_NO_COMMON")
+    others = [int(i) for i in order if library.labels[i] != library.labels[first] and np.isfinite(clean[i])]
+    return Explanation(
+        align(query, library, first, settings),
+        align(query, library, others[0], settings) if others else None,
+    )
+
+
+def align(query: Signals, library: ExampleLibrary, index: int, settings: Settings) -> Alignment:
+    """Warp ``query`` to example ``index``, as it is or mirrored, whichever is nearer."""
+    example = library.series[index]
+    assert isinstance(example, Signals)
+    readings = [(example, False, 1.0)]
+    if settings.classify.mirror is not None:
+        readings.append((mirrored(example), True, settings.classify.mirror))
+    found = []
+    for signals, flipped, factor in readings:
+        costs, used, paths = channel_costs(query, signals, settings.dtw)
+        if settings.classify.coverage:
+            share = float(common_share([query], [signals])[0, 0])
+            factor /= share if share > 0 else 1.0
+        distance = float(costs.sum()) * factor if used.any() else np.inf
+        name, label = library.names[index], str(library.labels[index])
+        found.append(Alignment(name, label, distance, flipped, query, signals, costs * factor, used, paths))
+    return min(found, key=lambda alignment: alignment.distance)
+
+
+def channel_costs(
+    query: Signals, example: Signals, spec: DtwSpec
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+    """What each channel adds to the warping distance of a pair.
+
+    In dependent mode all channels share one path, and a channel's part is its local cost along it
+    (for a Euclidean local cost, in the ratio of the squared differences). The parts add up to the
+    distance.
+
+    Returns
+    -------
+    costs : (D,) float64
+    used : (D,) bool
+    paths : tuple of (K, 2) int64
+    """
+    from gesture_core.dtw.reference import local_costs
+
+    width = len(query.channels)
+    masks = np.asarray(query.mask) | np.asarray(example.mask)
+    used = masks & np.asarray(query.present) & np.asarray(example.present)
+    costs = np.zeros(width)
+    dimensions = np.flatnonzero(used)
+    if len(dimensions) == 0:
+        return costs, used, ()
+    x, y = query.values.astype(np.float64), example.values.astype(np.float64)
+    paths = []
+    groups = (
+        [dimensions] if spec.mode == "dependent" else [dimensions[i : i + 1] for i in range(len(dimensions))]
+    )
+    for group in groups:
+        path, total = _warp(x, y, spec, group)
+        paths.append(path)
+        total = _finish(total, len(x) + len(y), spec)
+        if spec.mode != "dependent" and spec.reduce == "mean":
+            total /= len(dimensions)
+        squared = spec.replace(cost="squared") if spec.cost == "euclidean" else spec
+        parts = np.array(
+            [local_costs(x, y, squared, np.array([d]))[path[:, 0], path[:, 1]].sum() for d in group]
+        )
+        share = parts / parts.sum() if parts.sum() > 0 else np.full(len(group), 1 / len(group))
+        costs[group] = total * share
+    return costs, used, tuple(paths)
+
+
+def _warp(x: np.ndarray, y: np.ndarray, spec: DtwSpec, group: np.ndarray) -> tuple[np.ndarray, float]:
+    """The cheapest path and its accumulated cost; a soft warping is shown by its hard path."""
+    from gesture_core.dtw.bands import allowed_cells
+    from gesture_core.dtw.reference import accumulate, local_costs
+
+    cost, cells = local_costs(x, y, spec, group), allowed_cells(len(x), len(y), spec)
+    table = accumulate(cost, cells, 0.0)
+    i, j = len(x) - 1, len(y) - 1
+    path = [(i, j)]
+    while i or j:
+        steps = [(i - 1, j - 1), (i - 1, j), (i, j - 1)]
+        i, j = min((s for s in steps if min(s) >= 0), key=lambda s: table[s])
+        path.append((i, j))
+    total = table[-1, -1] if spec.gamma is None else accumulate(cost, cells, spec.gamma)[-1, -1]
+    return np.array(path[::-1], np.int64), float(total)
+
+
+def _finish(total: float, length: int, spec: DtwSpec) -> float:
+    if spec.length_norm:
+        total /= length
+    return float(np.sqrt(total)) if spec.root else total
+
+
+def contrast(explanation: Explanation) -> Sequence[int]:
+    """Channels in the order of how much they speak for the nearest class against the runner-up."""
+    near = explanation.nearest.costs
+    far = np.zeros_like(near) if explanation.runner_up is None else explanation.runner_up.costs
+    gain = far - near if explanation.runner_up is not None else near
+    return [int(i) for i in np.argsort(-np.abs(gain), kind="stable")]

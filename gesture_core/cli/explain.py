@@ -1,0 +1,163 @@
+"""``gesture explain``: why an input of a run got its label."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gesture_core.errors import GestureError, InputError, RunFolderError
+
+if TYPE_CHECKING:
+    from gesture_core.archive.rows import Row
+    from gesture_core.classify.estimator import GestureClassifier
+    from gesture_core.classify.explanation import Explanation
+    from gesture_core.settings import Settings
+
+
+def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, channels: int = 4) -> int:
+    """Show why an input of a run got its label: channels, their costs, both warpings.
+
+    Parameters
+    ----------
+    run
+        The run folder.
+    input
+        The input as the result names it, or the end of its name.
+    person
+        Which person of the input.
+    out
+        PNG file of the plot; explain-<input>.png in the run folder by default.
+    channels
+        How many channels to draw and to list.
+    """
+    import re
+
+    from gesture_core.archive.journal import open_journal
+    from gesture_core.classify.explanation import explain as explain_row
+    from gesture_core.report.explanation import explanation_plot
+
+    with open_journal(run) as journal:
+        row, stored = _row(list(journal.rows()), journal, input, person)
+        configuration = json.loads(journal.get("configuration") or "{}")
+    settings = _settings(configuration)
+    if not configuration.get("examples"):
+        raise RunFolderError(
+            "holds keypoints only, nothing was classified", subject=str(run), code="E_NO_RUN"
+        )
+    query = _query(row, stored, settings)
+    classifier = _classifier(configuration, settings)
+    distances = classifier.distances([query])[0]
+    found = explain_row(query, classifier.library_, distances, settings)
+    title = f"{Path(row.input).name}: {row.label or row.status}"
+    safe = re.sub(r"[^\w.-]+", "_", Path(row.input).name)
+    target = out or run / f"explain-{safe}.png"
+    explanation_plot(found, title, target, max(1, channels))
+    _print(row, found, max(1, channels))
+    print(target, file=sys.stderr)
+    return 0
+
+
+def _row(rows: list[Row], journal: Any, name: str, person: int) -> tuple[Row, str]:
+    """The row called ``name`` and its file in the keypoint store."""
+    names = dict.fromkeys(row.input for row in rows)
+    found = [n for n in names if n == name] or [n for n in names if n.endswith(name)]
+    if len(found) != 1:
+        some = ", ".join((found or list(names))[:5])
+        raise InputError(
+            f"{len(found)} inputs of the run are called {name!r}",
+            remedy=f"one of {some}{' …' if len(found or names) > 5 else ''}",
+            code="E_NOT_FOUND",
+        )
+    for row, stored in journal.stored(found[0]):
+        if row.person == person:
+            return row, stored
+    raise InputError(f"{found[0]} has no person {person}", code="E_NOT_FOUND")
+
+
+def _settings(configuration: dict[str, Any]) -> Settings:
+    from gesture_core.settings import settings_from_dict
+
+    tree = dict(configuration.get("settings", {}))
+    tree["pose"] = configuration.get("pose", {}).get("pose", {})
+    return settings_from_dict(tree)
+
+
+def _query(row: Row, stored: str, settings: Settings) -> Any:
+    from gesture_core.archive.run import keypoint_store
+    from gesture_core.archive.store import read_keypoints
+    from gesture_core.signals.chain import Chain
+
+    if not stored:
+        raise InputError(
+            f"has no keypoints: {row.code} {row.message}", subject=row.input, code=row.code or "E_NO_RUN"
+        )
+    sequences = read_keypoints(keypoint_store() / stored, row.input).sequences
+    pose = next((s for s in sequences if s.person == row.person), None)
+    if pose is None:
+        raise InputError(f"has no person {row.person}", subject=row.input, code="E_NOT_FOUND")
+    return Chain.from_settings(settings)(pose)
+
+
+def _classifier(configuration: dict[str, Any], settings: Settings) -> GestureClassifier:
+    """The classifier of the run, from its examples' keypoints."""
+    from gesture_core.archive.discovery import Input, discover
+    from gesture_core.archive.extraction import extract_all
+    from gesture_core.archive.run import keypoint_store
+    from gesture_core.archive.store import read_keypoints
+    from gesture_core.classify.estimator import GestureClassifier
+
+    items: list[Input] = []
+    for name in configuration["examples"]:
+        there = discover([name.partition("::")[0]])
+        items += [item for item in there if item.name == name]
+    classifier = GestureClassifier(settings)
+    signals, labels, names = [], [], []
+    for outcome in sorted(extract_all(items, settings), key=lambda o: o.number):
+        item = items[outcome.number]
+        known = configuration["examples"][item.name]
+        if outcome.sha256 and outcome.sha256 != known["sha256"]:
+            raise InputError(
+                "has changed since the run",
+                subject=item.name,
+                remedy="gesture classify --overwrite first",
+                code="E_CHANGED",
+            )
+        try:
+            if outcome.code:
+                continue
+            poses = read_keypoints(keypoint_store() / outcome.stored, item.name).sequences
+            signals += classifier.signals(poses[:1])
+        except GestureError:
+            continue  # the run left it out too, and said so
+        labels.append(known["label"])
+        names.append(item.name)
+    return classifier.fit(signals, labels, names)
+
+
+def _print(row: Row, found: Explanation, channels: int) -> None:
+    from gesture_core.classify.explanation import contrast
+    from gesture_core.cli.screen import print_table, visible
+
+    near, far = found.nearest, found.runner_up
+    print(f"{visible(row.input)}: {row.label or '-'} ({row.status}{' ' + row.code if row.code else ''})")
+    for which, side in (("nearest", near), ("runner-up", far)):
+        if side is not None:
+            mirror = ", mirrored" if side.mirrored else ""
+            print(f"  {which:<10} {side.label:<16} {side.distance:.4g}{mirror}  {visible(side.example)}")
+    used = near.used if far is None else near.used | far.used
+    order = [c for c in contrast(found) if used[c]]
+    rows = []
+    for channel in order[: max(channels, 12)]:
+        cells = [near.query.channels[channel], f"{near.costs[channel]:.4g}"]
+        if far is not None:
+            cells += [f"{far.costs[channel]:.4g}", f"{far.costs[channel] - near.costs[channel]:+.4g}"]
+        rows.append(cells)
+    columns = ["channel", f"cost: {near.label}"]
+    if far is not None:
+        columns += [f"cost: {far.label}", "speaks for it"]
+    print_table(columns, rows, right=columns[1:])
+    left = len(order) - len(rows)
+    if left > 0:
+        print(f"{left} more channels take part; {len(used) - len(order)} do not")

@@ -1,0 +1,116 @@
+"""A decision as a picture: both warpings, what each channel costs, and the signals themselves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gesture_core.classify.explanation import Alignment, Explanation, contrast
+from gesture_core.report.plots import BLUE, GREY, ORANGE, new_figure, save
+
+_CHANNELS = 4
+_BARS = 14
+_MATCHES = 24
+
+
+def explanation_plot(explanation: Explanation, title: str, path: Path, channels: int = _CHANNELS) -> Path:
+    """Draw ``explanation`` to a PNG.
+
+    Left column: the nearest example; right column: the runner-up class. Top: the warping path and
+    the cost of the channels that speak most for or against the decision. Below: these channels'
+    signals, the query in blue, the example in orange, grey lines between matched frames.
+    """
+    sides = [side for side in (explanation.nearest, explanation.runner_up) if side is not None]
+    used = explanation.nearest.used | sides[-1].used
+    order = [c for c in contrast(explanation) if used[c]]
+    shown = order[:channels]
+    figure = new_figure(11, 3.6 + 1.9 * len(shown))
+    grid = figure.add_gridspec(1 + len(shown), 2 * len(sides), height_ratios=[1.7] + [1.0] * len(shown))
+    for column, side in enumerate(sides):
+        _path(figure.add_subplot(grid[0, 2 * column]), side, shown[0], first=column == 0)
+    _bars(
+        figure.add_subplot(grid[0, 1 : 2 * len(sides) : 2] if len(sides) == 1 else grid[0, 3]), sides, order
+    )
+    if len(sides) == 2:
+        _bars_of_one(figure.add_subplot(grid[0, 1]), sides[0], order)
+    for row, channel in enumerate(shown, 1):
+        limits = [_span(side, channel) for side in sides]
+        low, high = min(a for a, _ in limits), max(b for _, b in limits)
+        for column, side in enumerate(sides):
+            axes = figure.add_subplot(grid[row, 2 * column : 2 * column + 2])
+            _signals(axes, side, channel, low, high, legend=row == 1, last=row == len(shown))
+    figure.suptitle(title, fontsize=11)
+    return save(figure, path)
+
+
+def _path(axes: Any, side: Alignment, channel: int, *, first: bool) -> None:
+    one = len(side.paths) == 1
+    channel = channel if side.used[channel] else int(np.flatnonzero(side.used)[0])
+    path = side.path_of(channel)
+    axes.plot(path[:, 1], path[:, 0], color=BLUE if first else ORANGE, linewidth=1.6)
+    rows, columns = len(side.query) - 1, len(side.signals) - 1
+    axes.plot([0, columns], [0, rows], color=GREY, linewidth=0.8, linestyle=":")
+    what = "" if one else f" ({side.query.channels[channel]})"
+    axes.set_xlabel(f"example, frames{what}", fontsize=8)
+    axes.set_ylabel("query, frames", fontsize=8)
+    axes.tick_params(labelsize=7)
+    mirror = " (mirrored)" if side.mirrored else ""
+    which = "nearest" if first else "runner-up"
+    axes.set_title(f"{which}: {side.label}{mirror}, {side.distance:.3g}", fontsize=9)
+
+
+def _bars_of_one(axes: Any, side: Alignment, order: list[int]) -> None:
+    """The channels that make up most of the distance to the nearest example."""
+    top = sorted(order, key=lambda c: -side.costs[c])[: _BARS // 2]
+    axes.barh(range(len(top)), [side.costs[c] for c in top], color=BLUE)
+    axes.set_yticks(range(len(top)), [side.query.channels[c] for c in top], fontsize=7)
+    _few_ticks(axes)
+    axes.invert_yaxis()
+    axes.set_title("largest parts of its distance", fontsize=9)
+
+
+def _bars(axes: Any, sides: list[Alignment], order: list[int]) -> None:
+    """Cost of the channels that tell the two apart, side by side."""
+    top = order[: _BARS // 2]
+    height = 0.8 / len(sides)
+    for number, (side, colour) in enumerate(zip(sides, (BLUE, ORANGE), strict=False)):
+        places = [row + number * height for row in range(len(top))]
+        axes.barh(places, [side.costs[c] for c in top], height, color=colour, label=side.label)
+    axes.set_yticks([r + height / 2 for r in range(len(top))], [sides[0].query.channels[c] for c in top])
+    _few_ticks(axes)
+    axes.invert_yaxis()
+    axes.legend(fontsize=7)
+    axes.set_title("channels that decide", fontsize=9)
+
+
+def _few_ticks(axes: Any) -> None:
+    axes.locator_params(axis="x", nbins=4)
+    axes.tick_params(labelsize=7)
+
+
+def _span(side: Alignment, channel: int) -> tuple[float, float]:
+    both = np.concatenate([side.query.values[:, channel], side.signals.values[:, channel]])
+    return float(both.min()), float(both.max())
+
+
+def _signals(
+    axes: Any, side: Alignment, channel: int, low: float, high: float, *, legend: bool, last: bool
+) -> None:
+    query, example = side.query.values[:, channel], side.signals.values[:, channel]
+    lift = 0.6 * (high - low) or 1.0
+    if side.used[channel]:
+        path = side.path_of(channel)
+        for i, j in path[np.linspace(0, len(path) - 1, min(_MATCHES, len(path))).astype(int)]:
+            axes.plot([i, j], [query[i] + lift, example[j]], color=GREY, linewidth=0.5, alpha=0.6)
+    axes.plot(query + lift, color=BLUE, linewidth=1.5, label="query (lifted)")
+    axes.plot(example, color=ORANGE, linewidth=1.5, label=f"example: {side.label}")
+    axes.set_ylim(low - 0.08 * lift, high + (1.55 if legend else 1.12) * lift)
+    used = "" if side.used[channel] else " (not compared)"
+    axes.set_title(f"{side.query.channels[channel]}{used}: cost {side.costs[channel]:.3g}", fontsize=8)
+    axes.tick_params(labelsize=7)
+    if legend:
+        axes.legend(fontsize=7, loc="upper right", ncols=2)
+    if last:
+        axes.set_xlabel("frames", fontsize=8)
