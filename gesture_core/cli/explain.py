@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.errors import GestureError, InputError, RunFolderError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gesture_core.archive.rows import Row
     from gesture_core.classify.estimator import GestureClassifier
     from gesture_core.classify.explanation import Explanation
     from gesture_core.settings import Settings
+    from gesture_core.types import PoseSequence, Signals
 
 
 def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, channels: int = 4) -> int:
@@ -39,14 +42,14 @@ def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, 
     from gesture_core.report.explanation import explanation_plot
 
     with open_journal(run) as journal:
-        row, stored = _row(list(journal.rows()), journal, input, person)
+        row = _row(list(journal.rows()), input, person)
         configuration = json.loads(journal.get("configuration") or "{}")
     settings = _settings(configuration)
     if not configuration.get("examples"):
         raise RunFolderError(
             "holds keypoints only, nothing was classified", subject=str(run), code="E_NO_RUN"
         )
-    query = _query(row, stored, settings)
+    query = _query(row, settings)
     classifier = _classifier(configuration, settings)
     distances = classifier.distances([query])[0]
     found = explain_row(query, classifier.library_, distances, settings)
@@ -59,8 +62,8 @@ def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, 
     return 0
 
 
-def _row(rows: list[Row], journal: Any, name: str, person: int) -> tuple[Row, str]:
-    """The row called ``name`` and its file in the keypoint store."""
+def _row(rows: list[Row], name: str, person: int) -> Row:
+    """The row of the input called ``name``, or whose name ends so."""
     names = dict.fromkeys(row.input for row in rows)
     found = [n for n in names if n == name] or [n for n in names if n.endswith(name)]
     if len(found) != 1:
@@ -70,9 +73,9 @@ def _row(rows: list[Row], journal: Any, name: str, person: int) -> tuple[Row, st
             remedy=f"one of {some}{' …' if len(found or names) > 5 else ''}",
             code="E_NOT_FOUND",
         )
-    for row, stored in journal.stored(found[0]):
-        if row.person == person:
-            return row, stored
+    for row in rows:
+        if row.input == found[0] and row.person == person:
+            return row
     raise InputError(f"{found[0]} has no person {person}", code="E_NOT_FOUND")
 
 
@@ -84,55 +87,58 @@ def _settings(configuration: dict[str, Any]) -> Settings:
     return settings_from_dict(tree)
 
 
-def _query(row: Row, stored: str, settings: Settings) -> Any:
-    from gesture_core.archive.run import keypoint_store
-    from gesture_core.archive.store import read_keypoints
-    from gesture_core.signals.chain import Chain
+def _keypoints(hashes: dict[str, str], settings: Settings) -> Iterator[tuple[str, list[PoseSequence]]]:
+    """Names and people of inputs, from the keypoint store or extracted again.
 
-    if not stored:
-        raise InputError(
-            f"has no keypoints: {row.code} {row.message}", subject=row.input, code=row.code or "E_NO_RUN"
-        )
-    sequences = read_keypoints(keypoint_store() / stored, row.input).sequences
-    pose = next((s for s in sequences if s.person == row.person), None)
-    if pose is None:
-        raise InputError(f"has no person {row.person}", subject=row.input, code="E_NOT_FOUND")
-    return Chain.from_settings(settings)(pose)
-
-
-def _classifier(configuration: dict[str, Any], settings: Settings) -> GestureClassifier:
-    """The classifier of the run, from its examples' keypoints."""
+    ``hashes`` are the content hashes that the run saw; an input that has changed since is an error.
+    """
     from gesture_core.archive.discovery import Input, discover
     from gesture_core.archive.extraction import extract_all
     from gesture_core.archive.run import keypoint_store
     from gesture_core.archive.store import read_keypoints
-    from gesture_core.classify.estimator import GestureClassifier
 
     items: list[Input] = []
-    for name in configuration["examples"]:
-        there = discover([name.partition("::")[0]])
-        items += [item for item in there if item.name == name]
-    classifier = GestureClassifier(settings)
-    signals, labels, names = [], [], []
+    for name in hashes:
+        items += [item for item in discover([name.partition("::")[0]]) if item.name == name]
     for outcome in sorted(extract_all(items, settings), key=lambda o: o.number):
         item = items[outcome.number]
-        known = configuration["examples"][item.name]
-        if outcome.sha256 and outcome.sha256 != known["sha256"]:
+        if outcome.sha256 and outcome.sha256 != hashes[item.name]:
             raise InputError(
                 "has changed since the run",
                 subject=item.name,
                 remedy="gesture classify --overwrite first",
                 code="E_CHANGED",
             )
+        if not outcome.code:
+            yield item.name, read_keypoints(keypoint_store() / outcome.stored, item.name).sequences
+
+
+def _query(row: Row, settings: Settings) -> Signals:
+    from gesture_core.signals.chain import Chain
+
+    for _, people in _keypoints({row.input: row.sha256}, settings):
+        for pose in people:
+            if pose.person == row.person:
+                return Chain.from_settings(settings)(pose)
+    raise InputError(
+        f"has no keypoints: {row.code} {row.message}", subject=row.input, code=row.code or "E_NOT_FOUND"
+    )
+
+
+def _classifier(configuration: dict[str, Any], settings: Settings) -> GestureClassifier:
+    """The classifier of the run, from its examples' keypoints."""
+    from gesture_core.classify.estimator import GestureClassifier
+
+    examples = configuration["examples"]
+    classifier = GestureClassifier(settings)
+    signals, labels, names = [], [], []
+    for name, people in _keypoints({n: known["sha256"] for n, known in examples.items()}, settings):
         try:
-            if outcome.code:
-                continue
-            poses = read_keypoints(keypoint_store() / outcome.stored, item.name).sequences
-            signals += classifier.signals(poses[:1])
+            signals += classifier.signals(people[:1])
         except GestureError:
             continue  # the run left it out too, and said so
-        labels.append(known["label"])
-        names.append(item.name)
+        labels += [examples[name]["label"]] * len(people[:1])
+        names += [name] * len(people[:1])
     return classifier.fit(signals, labels, names)
 
 
