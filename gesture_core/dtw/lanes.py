@@ -20,6 +20,8 @@ from gesture_core.types import SignalBatch
 PAIRS_IN_FLIGHT = 1 << 17
 """Upper limit of lanes (independent) or of pairs times dimensions (dependent) planned at once."""
 
+GRADIENT_PAIRS = 1 << 12
+"""Pairs whose gradients are planned at once."""
 UNBOUNDED = 1 << 30
 """A column past the last of any row."""
 
@@ -186,14 +188,56 @@ class LaneKernel(ABC):
             out[part] = self._pairs(state, series, query_index[part], example_index[part])
         return out
 
+    def gradients(
+        self, state: Prepared, queries: SignalBatch, weights: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Soft distances, and the gradients of their sum weighted by ``weights`` (Q, N).
+
+        Returns
+        -------
+        (Q, N), (Q, T, D), (N, T, D)
+            Zero beyond each length and in dimensions that are not used.
+        """
+        spec, examples = state.spec, state.examples
+        series = Series.of(queries, spec)
+        shape = (len(queries), len(examples.lengths))
+        values = np.zeros(shape)
+        slopes = [np.zeros(part.frames.shape) for part in (series, examples)]
+        for start in range(0, values.size, GRADIENT_PAIRS):
+            flat = np.arange(start, min(start + GRADIENT_PAIRS, values.size))
+            qi, ei = flat // shape[1], flat % shape[1]
+            pair, dimension, use, count = _pairing(series, examples, qi, ei, spec)
+            factor = _pair_factor(count, series.lengths[qi] + examples.lengths[ei], spec)
+            for tile in self._tiles(series.lengths[qi[pair]], examples.lengths[ei[pair]], spec, series):
+                rows = pair[tile]
+                chosen = None if dimension is None else dimension[tile]
+                lanes = _gather(series, examples, qi[rows], ei[rows], chosen, use[rows], spec)
+                value, *slope = self.warp_gradients(lanes)
+                np.add.at(values, (qi[rows], ei[rows]), value * factor[rows])
+                weight = factor[rows] * weights[qi[rows], ei[rows]]
+                for side, index, part in zip(slopes, (qi[rows], ei[rows]), slope, strict=True):
+                    part = part * weight if chosen is not None else part * weight * use[rows].T
+                    if chosen is None:
+                        np.add.at(side[: len(part)].transpose(2, 0, 1), index, part.transpose(2, 0, 1))
+                    else:
+                        turned = side[: len(part)].transpose(2, 1, 0)
+                        np.add.at(turned, (index, chosen), part[:, 0].T)
+            values[qi[count == 0], ei[count == 0]] = np.inf
+        dtype = examples.frames.dtype
+        scale = weighted(np.ones(examples.frames.shape[1]), spec)
+        of_queries, of_examples = ((side.transpose(2, 0, 1) * scale).astype(dtype) for side in slopes)
+        return values.astype(dtype), of_queries, of_examples
+
+    def warp_gradients(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(P,), (n_max, C, P), (m_max, C, P): soft accumulated costs and their gradients."""
+        from gesture_core.dtw.soft import lane_gradients
+
+        assert lanes.gamma is not None
+        return lane_gradients(lanes.x, lanes.y, lanes.n, lanes.m, inside(lanes), lanes.gamma, lanes.cost)
+
     def _pairs(self, state: Prepared, queries: Series, qi: np.ndarray, ei: np.ndarray) -> np.ndarray:
         spec, examples = state.spec, state.examples
-        use = used_dimensions(queries, examples, qi, ei)
-        count = use.sum(axis=1)
-        if spec.mode == "dependent":
-            pair, dimension = np.flatnonzero(count), None
-        else:
-            pair, dimension = np.nonzero(use)
+        pair, dimension, use, count = _pairing(queries, examples, qi, ei, spec)
         total = np.zeros(len(qi))
         for tile in self._tiles(queries.lengths[qi[pair]], examples.lengths[ei[pair]], spec, queries):
             rows = pair[tile]
@@ -225,6 +269,38 @@ class LaneKernel(ABC):
             size = min(self.lane_count, max(1, self.lane_cells // (frames * width)))
             for start in range(0, len(group), size):
                 yield group[start : start + size]
+
+
+def _pairing(
+    queries: Series, examples: Series, qi: np.ndarray, ei: np.ndarray, spec: DtwSpec
+) -> tuple[np.ndarray, np.ndarray | None, np.ndarray, np.ndarray]:
+    """Which pair and dimension each lane is (None: all together), and which and how many a pair uses."""
+    use = used_dimensions(queries, examples, qi, ei)
+    count = use.sum(axis=1)
+    if spec.mode == "dependent":
+        return np.flatnonzero(count), None, use, count
+    pair, dimension = np.nonzero(use)
+    return pair, dimension, use, count
+
+
+def _pair_factor(count: np.ndarray, frames: np.ndarray, spec: DtwSpec) -> np.ndarray:
+    """What a soft lane's accumulated cost is multiplied by in its pair's distance."""
+    factor = np.ones(len(count))
+    if spec.reduce == "mean":
+        mean = mean_factor(count, spec) if spec.mode == "dependent" else 1 / np.maximum(count, 1)
+        factor = factor * mean
+    return factor / frames if spec.length_norm else factor
+
+
+def inside(lanes: Lanes) -> np.ndarray:
+    """(n_max, m_max, P) bool: the cells inside each lane's lengths and band."""
+    row, column = np.arange(len(lanes.x))[:, None, None], np.arange(len(lanes.y))[None, :, None]
+    cells = (row < lanes.n) & (column < lanes.m)
+    if lanes.low is not None and lanes.high is not None:
+        cells &= (column >= lanes.low[:, None]) & (column < lanes.high[:, None])
+    if lanes.cells is not None:
+        cells &= lanes.cells
+    return cells
 
 
 def _gather(

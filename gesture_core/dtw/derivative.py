@@ -1,0 +1,36 @@
+"""Derivative DTW (Keogh and Pazzani 2001): warp the estimated slopes instead of the values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gesture_core.errors import SignalError
+
+
+def derivatives(series: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The slope estimate of each series; warp these for derivative DTW.
+
+    Keogh and Pazzani: the mean of the slope to the left neighbour and of the slope between both
+    neighbours; the first and last frame take their neighbour's, so that lengths stay.
+
+    Parameters
+    ----------
+    series : sequence of (T,) or (T, D) arrays, T at least 3
+
+    Raises
+    ------
+    SignalError
+        Where a series is shorter than three frames.
+    """
+    return [_derivative(np.asarray(item), index) for index, item in enumerate(series)]
+
+
+def _derivative(x: np.ndarray, index: int) -> np.ndarray:
+    if len(x) < 3:
+        raise SignalError(
+            f"series {index} has {len(x)} frames, derivative DTW needs 3", code="E_SIGNAL_SHORT"
+        )
+    slope = ((x[1:-1] - x[:-2]) + (x[2:] - x[:-2]) / 2) / 2
+    return np.concatenate([slope[:1], slope, slope[-1:]])

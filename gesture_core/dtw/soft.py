@@ -1,0 +1,167 @@
+"""Soft-DTW beyond its value: gradients and the divergence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gesture_core.dtw.distances import check_distances, choose_kernel, make_batches
+from gesture_core.dtw.pairs import pair_distances
+from gesture_core.dtw.spec import DtwSpec
+from gesture_core.errors import ConfigError
+from gesture_core.types import SignalBatch, Signals
+
+
+@dataclass(frozen=True, eq=False)
+class SoftGradients:
+    """Soft-DTW values, and the gradients of their weighted sum.
+
+    Attributes
+    ----------
+    values : (Q, N) float
+    queries, examples : lists of (T, D) float
+        The gradient with respect to each series.
+    """
+
+    values: np.ndarray
+    queries: list[np.ndarray]
+    examples: list[np.ndarray]
+
+
+def soft_gradients(
+    queries: Sequence[Signals | np.ndarray],
+    examples: Sequence[Signals | np.ndarray],
+    spec: DtwSpec,
+    weights: np.ndarray | None = None,
+    kernel: str = "auto",
+) -> SoftGradients:
+    """Values and gradients of soft-DTW (Cuturi and Blondel 2017).
+
+    Parameters
+    ----------
+    spec : DtwSpec
+        With a ``gamma``.
+    weights : (Q, N) float, optional
+        What each pair counts for in the sum whose gradient is taken; 1 by default.
+
+    Raises
+    ------
+    ConfigError
+        Where ``spec`` has no ``gamma``.
+    """
+    _need_gamma(spec)
+    query_batch, example_batch = make_batches(queries, examples, spec)
+    name, chosen = _choose(kernel, spec)
+    if weights is None:
+        weights = np.ones((len(query_batch), len(example_batch)))
+    state = chosen.prepare(example_batch, spec)
+    values, of_queries, of_examples = chosen.gradients(state, query_batch, np.asarray(weights, np.float64))
+    check_distances(values, query_batch, example_batch, name)
+    return SoftGradients(values, _split(of_queries, query_batch), _split(of_examples, example_batch))
+
+
+def _choose(kernel: str, spec: DtwSpec) -> tuple[str, object]:
+    name, chosen = choose_kernel(kernel, spec)
+    if hasattr(chosen, "gradients"):
+        return name, chosen
+    if kernel == "auto":
+        return choose_kernel("numpy", spec)
+    raise ConfigError(f"kernel {name!r} computes no gradients", remedy="--kernel auto", code="E_OPTION")
+
+
+def _split(gradient: np.ndarray, batch: SignalBatch) -> list[np.ndarray]:
+    return [gradient[index, :length] for index, length in enumerate(batch.lengths)]
+
+
+def soft_divergence(
+    queries: Sequence[Signals | np.ndarray],
+    examples: Sequence[Signals | np.ndarray],
+    spec: DtwSpec,
+    kernel: str = "auto",
+) -> np.ndarray:
+    """(Q, N) soft-DTW divergence (Blondel, Mensch and Vert 2021).
+
+    The value of each pair less the mean of the values of its two series with themselves: zero for
+    equal series, and for squared costs never negative.
+    """
+    _need_gamma(spec)
+    query_batch, example_batch = make_batches(queries, examples, spec)
+    name, chosen = choose_kernel(kernel, spec)
+    values = np.asarray(chosen.distances(chosen.prepare(example_batch, spec), query_batch))
+    check_distances(values, query_batch, example_batch, name)
+    own = []
+    for batch in (query_batch, example_batch):
+        index = np.arange(len(batch))
+        own.append(pair_distances(chosen, batch, batch, spec, index, index))
+    return values - (own[0][:, None] + own[1][None, :]) / 2
+
+
+def _need_gamma(spec: DtwSpec) -> None:
+    if spec.gamma is None:
+        raise ConfigError("soft-DTW without dtw.gamma", remedy="gamma = 1.0", code="E_OPTION")
+
+
+def lane_gradients(
+    x: np.ndarray,
+    y: np.ndarray,
+    n: np.ndarray,
+    m: np.ndarray,
+    cells: np.ndarray,
+    gamma: np.ndarray,
+    cost: str,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values and gradients of P soft warpings: Cuturi and Blondel's recursions, cell by cell.
+
+    Parameters
+    ----------
+    x, y : (n_max, C, P) and (m_max, C, P) float
+    n, m : (P,) int
+    cells : (n_max, m_max, P) bool
+        Cells inside each lane's band and lengths.
+    gamma : (P,) float
+
+    Returns
+    -------
+    (P,), (n_max, C, P), (m_max, C, P)
+    """
+    rows, columns, lanes = len(x), len(y), x.shape[2]
+    difference = x[:, None] - y[None, :]
+    local = (np.abs(difference) if cost == "absolute" else difference**2).sum(axis=2)
+    local = np.sqrt(local) if cost == "euclidean" else local
+    table = np.full((rows + 1, columns + 1, lanes), np.inf)
+    table[0, 0] = 0
+    for i in range(rows):
+        for j in range(columns):
+            three = np.stack([table[i, j + 1], table[i + 1, j], table[i, j]])
+            least = three.min(axis=0)
+            shift = np.where(np.isinf(least), 0, least)
+            with np.errstate(divide="ignore"):
+                soft = shift - gamma * np.log(np.exp((shift - three) / gamma).sum(axis=0))
+            table[i + 1, j + 1] = np.where(cells[i, j] & np.isfinite(least), local[i, j] + soft, np.inf)
+    # How much each cell's value moves the lane's: one at its end, else what its successors pass on.
+    moved = np.zeros((rows + 1, columns + 1, lanes))
+    finite = np.isfinite(table)
+    for i in reversed(range(rows)):
+        for j in reversed(range(columns)):
+            total = ((n == i + 1) & (m == j + 1)).astype(float)
+            for a, b in ((i + 1, j), (i, j + 1), (i + 1, j + 1)):
+                if a < rows and b < columns:
+                    both = finite[a + 1, b + 1] & finite[i + 1, j + 1]
+                    gap = table[a + 1, b + 1] - local[a, b] - table[i + 1, j + 1]
+                    total += moved[a, b] * np.exp(np.where(both, gap, -np.inf) / gamma)
+            moved[i, j] = total
+    moved = moved[:rows, :columns]
+    slope = _slope(difference, local, cost) * moved[:, :, None]
+    return table[n, m, np.arange(lanes)], slope.sum(axis=1), -slope.sum(axis=0)
+
+
+def _slope(difference: np.ndarray, local: np.ndarray, cost: str) -> np.ndarray:
+    """(n, m, C, P) derivative of the local cost; zero where a cost has a kink."""
+    if cost == "absolute":
+        return np.sign(difference)
+    if cost == "squared":
+        return 2 * difference
+    safe = np.where(local > 0, local, 1)
+    return np.where(local[:, :, None] > 0, difference / safe[:, :, None], 0)
