@@ -15,6 +15,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gesture_core.errors import MediaError
+from gesture_core.media.account import gaps
+from gesture_core.media.fragments import broken_chain
 from gesture_core.media.info import Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
 from gesture_core.media.sniff import CONTAINERS, printable
@@ -56,7 +58,9 @@ class OpenCvSource:
         self._ledger = ledger
         self._container = container
         self._size = os.fstat(file.fileno()).st_size
+        self._file = file
         self._count = 0
+        self._stamps: list[float] = []
         self._capture = _capture(file, path)
         try:
             if not self._capture.isOpened():
@@ -157,9 +161,14 @@ class OpenCvSource:
         import cv2
 
         seconds = self._get(cv2.CAP_PROP_POS_MSEC) / 1000
-        return seconds if self._container not in _UNTIMED and abs(seconds) < 1e12 else None
+        if self._container in _UNTIMED or abs(seconds) >= 1e12:
+            return None
+        self._stamps.append(seconds)
+        return seconds
 
     def _settle(self, count: int) -> None:
+        if self._container == "mov" and (fault := broken_chain(self._file)):
+            self._ledger.damage(f"broken chain of fragments: {fault}")
         declared = self.info.frames_declared
         if declared is None:
             self._ledger.note(
@@ -168,7 +177,8 @@ class OpenCvSource:
             return
         absent = declared - count
         # Rounding, and sound that runs on after the picture, make an estimated count too high.
-        tolerance = 0 if self._container in _EXACT_COUNTS else max(2, declared // 20)
+        exact = self._container in _EXACT_COUNTS or gaps(self._stamps) > 0
+        tolerance = 0 if exact else max(2, declared // 20)
         if absent > tolerance:
             self._ledger.damage(
                 f"{absent} of {declared} declared frames did not come: lost, or cut by an edit list", absent

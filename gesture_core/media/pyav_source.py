@@ -7,12 +7,9 @@ the file lacks, and packets from which no frame came.
 
 from __future__ import annotations
 
-import math
 import os
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, BinaryIO, NoReturn
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -22,16 +19,15 @@ from gesture_core.media.edits import read_edits
 from gesture_core.media.fragments import broken_chain
 from gesture_core.media.info import Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
+from gesture_core.media.pyav_ear import Ear, refuse
 from gesture_core.media.sniff import printable
-from gesture_core.media.upright import quarter_turns
+from gesture_core.media.upright import display_matrix, orientation
 
 # A demuxer that fails this often in a row has lost its place for good.
 _MAX_DEMUX_ERRORS = 32
 # Containers without a count of frames, whose header is written last and holds the duration, and by how
 # many frames the last packet may miss it: FLV does not say how long packets last.
 _DURATION_HOLDS = {"matroska": 0.6, "flv": 2.5}
-_levels: list[Any] = []
-_levels_lock = threading.Lock()
 
 
 class PyAvSource:
@@ -52,7 +48,8 @@ class PyAvSource:
     Raises
     ------
     MediaError
-        `E_MEDIA_BROKEN`, `E_MEDIA_NO_VIDEO`, `E_MEDIA_CODEC`, `E_MEDIA_NO_FRAMES`, `E_MEDIA_LIMIT`.
+        `E_MEDIA_BROKEN`, `E_MEDIA_NO_VIDEO`, `E_MEDIA_CODEC`, `E_MEDIA_NO_FRAMES`, `E_MEDIA_LIMIT`,
+        `E_MEDIA_MEMORY`, `E_MEDIA_UNREADABLE` where the disk fails half-way.
     """
 
     name = "pyav"
@@ -70,8 +67,7 @@ class PyAvSource:
         self._limits = limits
         self._ledger = ledger
         self._account = Account()
-        self._listening = True
-        _listen()
+        self._ear = Ear(self._subject, ledger)
         try:
             self._open(file, container)
             self._origin = self._stream.start_time or 0
@@ -92,13 +88,13 @@ class PyAvSource:
         import av
 
         self._container: Any = None
-        with self._heard(fatal=True):
+        with self._ear.hear(fatal=True):
             self._container = av.open(
                 file,
                 "r",
                 format=container,
                 metadata_errors="replace",
-                io_open=_refuse,
+                io_open=refuse,
                 options={"max_pixels": str(self._limits.max_pixels)},
                 container_options={"max_streams": str(self._limits.max_streams)},
             )
@@ -124,7 +120,7 @@ class PyAvSource:
 
     def _describe(self, first: Any, container: str) -> MediaInfo:
         stream = self._stream
-        rotation, mirrored = _orientation(first)
+        rotation, mirrored = orientation(display_matrix(first), first.rotation)
         rates = [float(rate) for rate in (stream.average_rate, stream.guessed_rate) if rate]
         width, height = first.width, first.height
         if rotation % 180:
@@ -155,9 +151,18 @@ class PyAvSource:
     def __iter__(self) -> Iterator[tuple[float | None, np.ndarray]]:
         first, self._first = self._first, None
         if first is not None:
-            yield self._stamp(first), self._picture(first)
+            with self._ear.hear(fatal=True):
+                picture = self._picture(first)
+            yield self._stamp(first), picture
         for frame in self._frames:
-            yield self._stamp(frame), self._picture(frame)
+            with self._ear.hear() as step:
+                picture = self._picture(frame)
+            if not step.failed:
+                yield self._stamp(frame), picture
+        self._settle()
+
+    def _settle(self) -> None:
+        """Compare what came with what was promised, once the file has ended."""
         declared = self._declared()
         if declared and self.info.container == "mov":
             # Absent from older releases of PyAV; then a trimmed file counts as short.
@@ -182,9 +187,7 @@ class PyAvSource:
         container, self._container = getattr(self, "_container", None), None
         if container is not None:
             container.close()
-        if self._listening:
-            self._listening = False
-            _unlisten()
+        self._ear.close()
 
     def _stamp(self, frame: Any) -> float | None:
         if frame.pts is None:
@@ -195,8 +198,7 @@ class PyAvSource:
     def _picture(self, frame: Any) -> np.ndarray:
         self._check_size(frame.width, frame.height)
         # Bicubic as in OpenCV, so that the two readers give the same picture.
-        with self._heard(fatal=True):
-            picture: np.ndarray = frame.to_ndarray(format="bgr24", interpolation="BICUBIC")
+        picture: np.ndarray = frame.to_ndarray(format="bgr24", interpolation="BICUBIC")
         return picture
 
     def _decode(self) -> Iterator[Any]:
@@ -211,7 +213,7 @@ class PyAvSource:
             before = self._account.packets
             packets = self._container.demux()
             while True:
-                with self._heard() as step:
+                with self._ear.hear() as step:
                     packet = next(packets, None)
                 if step.failed:
                     break
@@ -244,7 +246,7 @@ class PyAvSource:
 
     def _step(self, context: Any, packet: Any) -> list[Any]:
         frames: list[Any] = []
-        with self._heard() as step:
+        with self._ear.hear() as step:
             frames = context.decode(packet)
             if packet is not None and packet.is_corrupt:
                 step.damage("corrupt packet")
@@ -267,46 +269,8 @@ class PyAvSource:
                 "raise limits.max_pixels",
             )
 
-    @contextmanager
-    def _heard(self, fatal: bool = False) -> Iterator[_Step]:
-        """Run one call into FFmpeg; what it raises and logs becomes at most one count of damage."""
-        import av
-
-        step = _Step()
-        with av.logging.Capture() as logs:
-            try:
-                yield step
-            except av.error.DecoderNotFoundError as error:
-                raise self._error("no decoder for its codec", "E_MEDIA_CODEC", "re-encode it") from error
-            except (av.error.FFmpegError, ValueError, OverflowError, ArithmeticError) as error:
-                if fatal:
-                    self._broken(error)
-                step.failed = True
-                step.damage(_cause(error))
-        for level, _, message in logs:
-            if level <= av.logging.ERROR:
-                step.damage(" ".join(message.split()))
-        if step.clause:
-            self._ledger.damage(step.clause)
-
-    def _broken(self, error: Exception) -> NoReturn:
-        raise self._error(
-            f"cannot be decoded: {_cause(error)}", "E_MEDIA_BROKEN", "copy it again from where it came"
-        ) from error
-
     def _error(self, cause: str, code: str, remedy: str) -> MediaError:
         return MediaError(cause, subject=self._subject, remedy=remedy, code=code)
-
-
-class _Step:
-    """One call into FFmpeg: whether it failed, and the first sign of damage."""
-
-    def __init__(self) -> None:
-        self.failed = False
-        self.clause = ""
-
-    def damage(self, clause: str) -> None:
-        self.clause = self.clause or clause
 
 
 def _tagged_frames(metadata: dict[str, str]) -> int:
@@ -315,51 +279,3 @@ def _tagged_frames(metadata: dict[str, str]) -> int:
         if key.upper().startswith("NUMBER_OF_FRAMES") and value.isascii() and value.isdigit():
             return int(value[:12])
     return 0
-
-
-def _cause(error: Exception) -> str:
-    return (getattr(error, "strerror", None) or str(error) or type(error).__name__).rstrip(".")
-
-
-def _refuse(url: str, flags: int, options: Any) -> NoReturn:
-    raise PermissionError(f"a media file may not open {url!r}")
-
-
-def _orientation(frame: Any) -> tuple[int, bool]:
-    """Clockwise rotation and mirroring from the display matrix (ISO 14496-12, section 8.2.2)."""
-    matrix = _display_matrix(frame)
-    if matrix is None:
-        return quarter_turns(-frame.rotation), False
-    a, b, c, d = matrix
-    if a * d - b * c < 0:
-        return quarter_turns(math.degrees(math.atan2(b, d))), True
-    return quarter_turns(math.degrees(math.atan2(b, a))), False
-
-
-def _display_matrix(frame: Any) -> tuple[float, float, float, float] | None:
-    for index in range(len(frame.side_data)):
-        item = frame.side_data[index]
-        if item.type.name == "DISPLAYMATRIX":
-            values = np.frombuffer(bytes(item), np.int32, 9) / 65536
-            return float(values[0]), float(values[1]), float(values[3]), float(values[4])
-    return None
-
-
-def _listen() -> None:
-    """Let FFmpeg's errors reach `av.logging.Capture` while any source is open."""
-    import av
-
-    with _levels_lock:
-        _levels.append(av.logging.get_level())
-        if _levels[-1] is None or _levels[-1] < av.logging.ERROR:
-            av.logging.set_level(av.logging.ERROR)
-
-
-def _unlisten() -> None:
-    import av
-
-    with _levels_lock:
-        first = _levels[0]
-        _levels.pop()
-        if not _levels:
-            av.logging.set_level(first)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
+
+Matrix = tuple[float, float, float, float]
 
 
 def quarter_turns(degrees: float) -> int:
@@ -16,6 +21,35 @@ def upright(frame: np.ndarray, rotation: int, mirrored: bool = False) -> np.ndar
     if mirrored:
         turned = turned[:, ::-1]
     return np.ascontiguousarray(turned)
+
+
+def display_matrix(frame: Any) -> Matrix | None:
+    """a, b, c, d of the display matrix that a PyAV frame carries, None where it carries none."""
+    for index in range(len(frame.side_data)):
+        item = frame.side_data[index]
+        if item.type.name == "DISPLAYMATRIX":
+            values = np.frombuffer(bytes(item), np.int32, 9) / 65536
+            return float(values[0]), float(values[1]), float(values[3]), float(values[4])
+    return None
+
+
+def orientation(matrix: Matrix | None, counterclockwise: float = 0.0) -> tuple[int, bool]:
+    """Clockwise rotation, and whether to mirror after it.
+
+    Parameters
+    ----------
+    matrix : (a, b, c, d) or None
+        Point (x, y) of the stored picture is shown at (a x + c y, b x + d y); ISO 14496-12,
+        section 8.2.2.
+    counterclockwise : float
+        Degrees where there is no matrix.
+    """
+    if matrix is None:
+        return quarter_turns(-counterclockwise), False
+    a, b, c, d = matrix
+    if a * d - b * c < 0:
+        return quarter_turns(math.degrees(math.atan2(b, d))), True
+    return quarter_turns(math.degrees(math.atan2(b, a))), False
 
 
 def fit(frame: np.ndarray, width: int, height: int) -> np.ndarray:
