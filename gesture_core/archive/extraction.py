@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from gesture_core.archive.discovery import Input
 from gesture_core.archive.fingerprint import fingerprint, pose_identity
+from gesture_core.archive.probe import require_model
 from gesture_core.archive.run import default_workers, keypoint_store, threads_for
 from gesture_core.archive.work import Job, Outcome, Task
 from gesture_core.plugin import registry
@@ -40,7 +41,11 @@ def extract_all(
     if not items:
         return
     if not pose_key:
-        pose_key = fingerprint(pose_identity(settings, any(item.kind == "video" for item in items)))
+        videos = any(item.kind == "video" for item in items)
+        identity = pose_identity(settings, videos)
+        pose_key = fingerprint(identity)
+        if videos:
+            require_model(settings, identity, engine)
     tasks = [Task(n, item.path, item.kind, item.member, item.reader) for n, item in enumerate(items)]
     workers = min(workers or default_workers(len(tasks)), len(tasks))
     runner = registry().make(

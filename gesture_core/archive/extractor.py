@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.archive.hashing import content_sha256, settings_sha256
+from gesture_core.archive.probe import probe
 from gesture_core.archive.store import read_keypoints, write_keypoints
 from gesture_core.archive.work import Job, Outcome, Task
 from gesture_core.errors import GestureError, KeypointError, RunFolderError
@@ -45,6 +46,9 @@ class Extractor:
         plugin = self._plugin(task)
         outcome = Outcome(task.number, task.sha256, plugin=plugin, complete=False)
         try:
+            if task.kind == "probe":
+                probe(self._backend)
+                return replace(outcome, complete=True)
             outcome = replace(outcome, sha256=task.sha256 or content_sha256(task.path))
             outcome = self._from_store(task, outcome) or self._extract(task, outcome, on_frames)
         except GestureError as error:
@@ -62,7 +66,7 @@ class Extractor:
         return replace(outcome, elapsed=time.perf_counter() - started)
 
     def _plugin(self, task: Task) -> str:
-        if task.kind == "video":
+        if task.kind in ("video", "probe"):
             return str(registry().find("pose", self._job.settings.pose.backend).origin)
         return str(registry().find("reader", task.reader).origin)
 

@@ -21,6 +21,7 @@ from gesture_core.archive.hashing import content_sha256, stamp
 from gesture_core.archive.journal import Journal
 from gesture_core.archive.keypoint_files import publish
 from gesture_core.archive.lock import run_lock
+from gesture_core.archive.probe import require_model
 from gesture_core.archive.rows import Row
 from gesture_core.archive.run import Listener, RunRequest, RunSummary, keypoint_store
 from gesture_core.archive.work import Outcome
@@ -106,6 +107,8 @@ class _Run:
         _hold_against(journal, configuration, overwrite=request.overwrite)
         done = journal.done(retry_errors=request.retry_errors)
         waiting = [item for item in inputs if not _is_done(journal, item, done)]
+        if any(item.kind == "video" for item in (*waiting, *examples)) and waiting:
+            require_model(request.settings, identity, request.engine)
         listener.planned(len(inputs), len(waiting), len(examples), kernel)
         key = fingerprint(identity)
         settings = replace(request.settings, classify=replace(request.settings.classify, kernel=kernel))

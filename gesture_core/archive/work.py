@@ -58,7 +58,8 @@ class Task:
     number : int
         Position in the run.
     path : Path
-    kind : "video" or "keypoints"
+    kind : "video", "keypoints" or "probe"
+        A probe tries the pose network on a known picture; its path is the model file.
     member : str
         The sequence inside a file or folder that holds several.
     reader : str

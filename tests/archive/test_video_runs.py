@@ -106,3 +106,24 @@ def test_odd_names_and_nasty_media_are_one_row_each(
     healthy_rows = [row for row in found if row["label"] == "right" and row["status"] == "ok"]
     assert len(healthy_rows) == len(ODD_NAMES)
     assert not [row for row in found if row["code"].startswith("E_WORKER")]
+
+
+@pytest.mark.parametrize("damage", ["text", "cut", "flip", "external"])
+def test_a_bad_model_is_fatal_before_the_archive_is_touched(
+    network: Path, examples: Path, tmp_path: Path, damage: str
+) -> None:
+    import onnx
+
+    data = network.read_bytes()
+    bad = tmp_path / "bad.onnx"
+    if damage == "external":
+        model = onnx.load(network)
+        onnx.save(model, bad, save_as_external_data=True, location="weights.bin", size_threshold=0)
+    else:
+        bad.write_bytes({"text": b"hello", "cut": data[: len(data) // 2], "flip": data[::-1]}[damage])
+    done = gesture(
+        "classify", film(tmp_path / "a.avi", 4), "--examples", examples, "--out", tmp_path / "run", *COMMON,
+        "--model", bad,
+    )  # fmt: skip
+    assert done.returncode == 1, done.stdout
+    assert done.stderr.startswith("E_MODEL") and "Traceback" not in done.stderr
