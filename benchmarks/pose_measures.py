@@ -79,12 +79,12 @@ class Comparison:
         return self.swapped / max(self.pairs, 1)
 
 
-def compare(student: PoseSequence, teacher: PoseSequence, frames: np.ndarray) -> Comparison:
-    """Compare at ``frames``; the shoulder width is the teacher's median over the video."""
+def compare(student: PoseSequence, teacher: PoseSequence) -> Comparison:
+    """Compare the same frames; the shoulder width is the teacher's median over the video."""
     mine, theirs = student.as_coco18(), teacher.as_coco18()
-    points = mine.keypoints[frames]
-    visible = theirs.scores[frames] >= VISIBLE
-    truth = np.where(visible[..., None], theirs.keypoints[frames], np.nan)
+    points = mine.keypoints
+    visible = theirs.scores >= VISIBLE
+    truth = np.where(visible[..., None], theirs.keypoints, np.nan)
     right, left = SHOULDERS
     width = float(np.nanmedian(np.linalg.norm(truth[:, right] - truth[:, left], axis=1)))
     swapped = pairs = 0

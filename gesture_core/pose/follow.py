@@ -113,9 +113,12 @@ class Follower:
         bodies = [body for person in people if (body := self.anatomy.body(person)) is not None]
         if not bodies or level < self.rules.lost * self.rules.sure:
             return
-        # The latest place, but the usual size: a person turning aside does not shrink.
+        # The latest place, but the usual size: a person turning aside does not shrink. Medians,
+        # so that one frame in which left and right are confused does not move the window.
+        latest = bodies[len(bodies) // 2 :]
+        x, y = (float(np.median([getattr(body, axis) for body in latest])) for axis in "xy")
         torso = float(np.median([body.torso for body in bodies]))
-        wanted = self._around(Body(bodies[-1].x, bodies[-1].y, torso), frame)
+        wanted = self._around(Body(x, y, torso), frame)
         now = self._window
         slack = self.rules.drift * max(now.size)
         edges = zip(
