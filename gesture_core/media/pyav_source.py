@@ -86,6 +86,7 @@ class PyAvSource:
 
     def _open(self, file: BinaryIO, container: str) -> None:
         import av
+        from av.video.reformatter import VideoReformatter
 
         self._container: Any = None
         with self._ear.hear(fatal=True):
@@ -114,6 +115,8 @@ class PyAvSource:
         if context is None:
             raise self._error("no decoder for its codec", "E_MEDIA_CODEC", "re-encode it")
         self._check_size(context.width, context.height)
+        # One converter for all frames: a new one for each computes its filters anew.
+        self._converter = VideoReformatter()
         # One thread: errors belong to the packet at hand, and logs arrive on this thread.
         context.thread_count = 1
         context.thread_type = "NONE"
@@ -198,7 +201,8 @@ class PyAvSource:
     def _picture(self, frame: Any) -> np.ndarray:
         self._check_size(frame.width, frame.height)
         # Bicubic as in OpenCV, so that the two readers give the same picture.
-        picture: np.ndarray = frame.to_ndarray(format="bgr24", interpolation="BICUBIC")
+        converted = self._converter.reformat(frame, format="bgr24", interpolation="BICUBIC")
+        picture: np.ndarray = converted.to_ndarray()
         return picture
 
     def _decode(self) -> Iterator[Any]:
