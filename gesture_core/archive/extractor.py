@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.archive.hashing import content_sha256, settings_sha256
@@ -14,6 +15,7 @@ from gesture_core.archive.store import read_keypoints, write_keypoints
 from gesture_core.archive.work import Job, Outcome, Task
 from gesture_core.errors import GestureError, KeypointError, RunFolderError
 from gesture_core.plugin import registry
+from gesture_core.settings import Settings
 from gesture_core.types import PoseSequence
 
 if TYPE_CHECKING:
@@ -131,7 +133,7 @@ class Extractor:
 
     def _keypoints(self, task: Task) -> tuple[list[PoseSequence], dict[str, Any]]:
         settings = self._job.settings
-        reader = registry().make("reader", task.reader, settings.plugin_options(task.reader))
+        reader = registry().make("reader", task.reader, _reader_options(settings, task.reader))
         sequences: list[PoseSequence] = reader.read(task.path, task.member)
         if settings.pose.people == "single" and len(sequences) > 1:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
@@ -151,6 +153,13 @@ class Extractor:
         from gesture_core.pose.extract import open_backend
 
         return open_backend(self._job.settings, self._job.threads)
+
+
+def _reader_options(settings: Settings, name: str) -> dict[str, Any]:
+    """Options of a keypoint reader: ``fps`` and ``people`` of [pose] where it takes them, then its own."""
+    taken = signature(registry().load("reader", name)).parameters
+    shared = {"fps": settings.pose.fps, "people": settings.pose.people}
+    return {key: value for key, value in shared.items() if key in taken} | settings.plugin_options(name)
 
 
 def message_without_subject(error: GestureError) -> str:

@@ -78,7 +78,9 @@ def _clip(folder: Path, keypoints: Path, name: str, label: str, rng: np.random.G
     import cv2
 
     body = random_body(rng, SIZE)
-    style = Style(int(rng.integers(40, 64)), rng.uniform(0.8, 1.15), rng.uniform(0, 0.8), rng.uniform(1.6, 2.3))
+    style = Style(
+        int(rng.integers(40, 64)), rng.uniform(0.8, 1.15), rng.uniform(0, 0.8), rng.uniform(1.6, 2.3)
+    )
     right, left = GESTURES[label](style)
     points = joints(body, right, left, rng)
     backdrop = backdrop_of(body, SIZE, rng)

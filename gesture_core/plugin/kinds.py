@@ -75,7 +75,10 @@ class PoseBackend(Protocol):
 
 
 class KeypointReader(Protocol):
-    """Reads ready-made keypoint files."""
+    """Reads ready-made keypoint files.
+
+    A reader whose options include ``fps`` or ``people`` is given those of the section [pose].
+    """
 
     def accepts(self, path: Path) -> bool:
         """Whether this reader takes ``path``, a file or a folder, judged cheaply by name and first bytes."""

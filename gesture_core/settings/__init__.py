@@ -1,0 +1,17 @@
+"""Every setting of a run: sections with their defaults, the frozen tree, presets and how values are read."""
+
+from gesture_core.settings.load import load_settings, presets
+from gesture_core.settings.sections import ClassifySettings, LimitSettings, PoseSettings, SignalSettings
+from gesture_core.settings.tree import DEFAULT_PRESET, Settings, settings_from_dict
+
+__all__ = [
+    "DEFAULT_PRESET",
+    "ClassifySettings",
+    "LimitSettings",
+    "PoseSettings",
+    "Settings",
+    "SignalSettings",
+    "load_settings",
+    "presets",
+    "settings_from_dict",
+]

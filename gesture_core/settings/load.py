@@ -1,0 +1,106 @@
+"""Settings from a preset, the environment and flags: defaults < TOML file < environment < flags.
+
+A preset is a TOML file with the tables of `sections`, each optional. ``[options.<plugin>]`` holds
+the keyword arguments of a plugin, so ``--set gaussian.sigma=2`` reaches the filter ``gaussian``.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from gesture_core.errors import ConfigError
+from gesture_core.settings.sections import SECTIONS
+from gesture_core.settings.tree import DEFAULT_PRESET, Settings, change
+from gesture_core.settings.values import near
+
+ENVIRONMENT_PREFIX = "GESTURE_SET_"
+
+
+def presets() -> tuple[str, ...]:
+    """Names of the presets in the package."""
+    folder = files("gesture_core") / "presets"
+    return tuple(sorted(item.name[:-5] for item in folder.iterdir() if item.name.endswith(".toml")))
+
+
+def load_settings(
+    preset: str | Path | None = None,
+    sets: Sequence[str] = (),
+    *,
+    environment: Mapping[str, str] | None = None,
+    **flags: Any,
+) -> Settings:
+    """Settings from a preset, the environment and flags, in that order.
+
+    Parameters
+    ----------
+    preset : str or path
+        Name of a preset of the package, or a TOML file.
+    sets : sequence of ``"key=value"``
+        As given with ``--set``.
+    environment : mapping, optional
+        Instead of the process's own: ``GESTURE_SET_DTW__WINDOW=0.1`` sets ``dtw.window``.
+    flags : dotted keys with ``__`` for the dot
+        Values that are not None override everything else, such as ``classify__neighbors=3``.
+
+    Raises
+    ------
+    ConfigError
+        With the key or value that is wrong and what would be right.
+    """
+    environment = os.environ if environment is None else environment
+    name = str(preset or environment.get("GESTURE_PRESET") or DEFAULT_PRESET)
+    settings = _from_toml(name)
+    settings = settings.with_values(
+        (
+            (key.removeprefix(ENVIRONMENT_PREFIX).lower().replace("__", "."), value)
+            for key, value in sorted(environment.items())
+            if key.startswith(ENVIRONMENT_PREFIX)
+        ),
+        "environment",
+    )
+    settings = settings.with_values(map(_split, sets))
+    return settings.with_values(
+        ((key.replace("__", "."), value) for key, value in flags.items() if value is not None), "flag"
+    )
+
+
+def _split(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise ConfigError(f"--set {text!r}", remedy="key=value, such as dtw.window=0.1", code="E_OPTION")
+    return key.strip(), value.strip()
+
+
+def _from_toml(name: str) -> Settings:
+    if name in presets():
+        text = (files("gesture_core") / "presets" / f"{name}.toml").read_text("utf-8")
+    elif Path(name).is_file():
+        text = Path(name).read_text("utf-8")
+    else:
+        raise ConfigError(
+            f"no preset {name!r}", remedy=f"one of {', '.join(presets())}, or a TOML file", code="E_PRESET"
+        )
+    try:
+        tree = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"not TOML: {error}", subject=name, code="E_PRESET") from None
+    tree.pop("description", None)
+    base = tree.pop("base", None)
+    settings = replace(_from_toml(base) if base else Settings(), preset=name)
+    options = {plugin: dict(given) for plugin, given in settings.options.items()}
+    for plugin, given in tree.pop("options", {}).items():
+        options.setdefault(plugin, {}).update(given)
+    settings = replace(settings, options=options)
+    for section, values in tree.items():
+        if section not in SECTIONS or not isinstance(values, dict):
+            raise ConfigError(
+                f"unknown table [{section}]", subject=name, remedy=near(section, [*SECTIONS, "options"])
+            )
+        settings = change(settings, section, values, name)
+    return settings

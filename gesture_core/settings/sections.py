@@ -1,0 +1,135 @@
+"""The sections of the settings: what each setting means, and its default."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gesture_core.dtw.spec import DtwSpec
+
+
+@dataclass(frozen=True)
+class PoseSettings:
+    """How people are found in pictures.
+
+    Attributes
+    ----------
+    backend : str
+        Name of a pose backend.
+    model : str
+        Name or file of a pose network.
+    people : "single" or "multi"
+        One person for each input, or one row for each track.
+    height : int
+        Height in pixels that a picture is scaled to, for networks that take any size.
+    follow : bool or None
+        Crop to the person and follow them; None lets the model decide.
+    score : float
+        Joints below this confidence are missing.
+    reader : str
+        Video reader: ``auto``, ``pyav`` or ``opencv``.
+    fps : float
+        Frames per second of keypoint files that carry no times.
+    """
+
+    backend: str = "onnx"
+    model: str = "compact"
+    people: str = "single"
+    height: int = 368
+    follow: bool | None = None
+    score: float = 0.1
+    reader: str = "auto"
+    fps: float = 30.0
+
+
+@dataclass(frozen=True)
+class SignalSettings:
+    """The chain from keypoints to signals.
+
+    Attributes
+    ----------
+    max_gap : float
+        Seconds of a missing joint that are interpolated; a joint with a longer gap inside keeps
+        its nearest values only if it was seen in ``min_seen`` of the frames.
+    min_seen : float
+        Share of frames in which a joint must be seen to count as present.
+    min_frames : int
+        Frames with a pose that a sequence needs to be classified at all.
+    normalizer, selector : str
+        Names of plugins.
+    filters : tuple of str
+        Names of filter plugins in order.
+    """
+
+    max_gap: float = 0.5
+    min_seen: float = 0.5
+    min_frames: int = 5
+    normalizer: str = "shoulder"
+    filters: tuple[str, ...] = ("gaussian", "center")
+    selector: str = "variance"
+
+
+@dataclass(frozen=True)
+class ClassifySettings:
+    """The decision.
+
+    Attributes
+    ----------
+    kernel : str
+        Name of a distance kernel, or ``auto``.
+    neighbors : int
+        k of the k-nearest-neighbour vote.
+    reject : None or float
+        Distances above this get no label.
+    reject_sd : None or float
+        Instead: threshold of each class = mean + this many standard deviations of the distances
+        inside the class.
+    representative : bool
+        Keep only the medoid of each class as its example.
+    min_pose : float
+        Share of frames with a pose below which a sequence is an error (E_POSE_SPARSE).
+    mirror : None or float
+        Every example also stands for the same movement made with the other hand; the distance to
+        that reading is multiplied by this factor, 1 or more.
+    coverage : bool
+        Divide a distance by the share of channels that both sequences have.
+    """
+
+    kernel: str = "auto"
+    neighbors: int = 1
+    reject: float | None = None
+    reject_sd: float | None = None
+    representative: bool = False
+    min_pose: float = 0.25
+    mirror: float | None = None
+    coverage: bool = False
+
+
+@dataclass(frozen=True)
+class LimitSettings:
+    """What one input may cost before it is given up.
+
+    Attributes
+    ----------
+    pixels : int
+        Of one frame.
+    frames : int
+        Of one input.
+    seconds : float
+        Without a sign of progress from the worker, before it is ended.
+    memory : int
+        MiB of one worker process.
+    """
+
+    pixels: int = 64_000_000
+    frames: int = 200_000
+    seconds: float = 120.0
+    memory: int = 4096
+
+
+SECTIONS: dict[str, type] = {
+    "pose": PoseSettings,
+    "signals": SignalSettings,
+    "dtw": DtwSpec,
+    "classify": ClassifySettings,
+    "limits": LimitSettings,
+}

@@ -1,0 +1,108 @@
+"""`Settings`: every setting of a run, in one frozen tree."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any, get_type_hints
+
+from gesture_core.dtw.spec import DtwSpec
+from gesture_core.errors import ConfigError
+from gesture_core.settings.sections import (
+    SECTIONS,
+    ClassifySettings,
+    LimitSettings,
+    PoseSettings,
+    SignalSettings,
+)
+from gesture_core.settings.values import near, read_value, toml_value
+
+DEFAULT_PRESET = "paper"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All settings of a run. Plugin options are in ``options[plugin][option]``."""
+
+    preset: str = DEFAULT_PRESET
+    pose: PoseSettings = field(default_factory=PoseSettings)
+    signals: SignalSettings = field(default_factory=SignalSettings)
+    dtw: DtwSpec = field(default_factory=DtwSpec)
+    classify: ClassifySettings = field(default_factory=ClassifySettings)
+    limits: LimitSettings = field(default_factory=LimitSettings)
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The whole tree as plain dicts, lists and scalars, without the preset's name."""
+        tree = json.loads(json.dumps(asdict(self)))
+        del tree["preset"]
+        return tree
+
+    def plugin_options(self, name: str) -> dict[str, Any]:
+        """Keyword arguments of plugin ``name``."""
+        return dict(self.options.get(name, {}))
+
+    def with_values(self, values: Iterable[tuple[str, Any]], origin: str = "--set") -> Settings:
+        """The settings with ``(dotted key, value)`` pairs changed.
+
+        A string value is read by the type of its setting, or as a TOML value for a plugin option.
+        A bare key such as ``window`` is accepted where only one section has it.
+
+        Raises
+        ------
+        ConfigError
+            For an unknown key (naming the nearest one) or a value of the wrong type.
+        """
+        tree = self
+        for key, value in values:
+            section, name = _resolve(key, tree, origin)
+            if section in SECTIONS:
+                tree = change(tree, section, {name: value}, origin)
+            else:
+                options = {plugin: dict(given) for plugin, given in tree.options.items()}
+                options.setdefault(section, {})[name] = toml_value(value)
+                tree = replace(tree, options=options)
+        return tree
+
+
+def settings_from_dict(tree: Mapping[str, Any]) -> Settings:
+    """The inverse of `Settings.as_dict`."""
+    settings = Settings(options={plugin: dict(given) for plugin, given in tree.get("options", {}).items()})
+    for section in SECTIONS:
+        settings = change(settings, section, tree.get(section, {}), "settings")
+    return settings
+
+
+def change(settings: Settings, section: str, values: Mapping[str, Any], origin: str) -> Settings:
+    """``settings`` with ``values`` of one section changed; a ConfigError names what is wrong."""
+    hints = get_type_hints(SECTIONS[section])
+    changes = {}
+    for name, value in values.items():
+        if name not in hints:
+            raise ConfigError(f"{origin}: [{section}] has no {name!r}", remedy=near(name, list(hints)))
+        changes[name] = read_value(f"{section}.{name}", value, hints[name], origin)
+    return replace(settings, **{section: replace(getattr(settings, section), **changes)})
+
+
+def _resolve(key: str, settings: Settings, origin: str) -> tuple[str, str]:
+    section, dot, name = key.rpartition(".")
+    if dot:
+        if section in SECTIONS and name not in _names(section):
+            raise ConfigError(
+                f"{origin} {key!r}: [{section}] has no {name!r}", remedy=near(name, _names(section))
+            )
+        return section.removeprefix("options."), name
+    owners = [s for s in SECTIONS if key in _names(s)]
+    owners += [plugin for plugin, given in settings.options.items() if key in given]
+    if len(owners) == 1:
+        return owners[0], key
+    if owners:
+        raise ConfigError(f"{origin} {key!r} is ambiguous", remedy=" or ".join(f"{o}.{key}" for o in owners))
+    every = [f"{s}.{n}" for s in SECTIONS for n in _names(s)]
+    bare = [n for s in SECTIONS for n in _names(s)]
+    raise ConfigError(f"{origin} {key!r} is no setting", remedy=near(key, bare + every))
+
+
+def _names(section: str) -> list[str]:
+    return [f.name for f in fields(SECTIONS[section])]

@@ -1,0 +1,60 @@
+"""Reading the value of a setting from text, by the type that the setting has."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Sequence
+from typing import Any, get_args
+
+from gesture_core.errors import ConfigError
+
+
+def toml_value(value: Any) -> Any:
+    """A string as the TOML value that it spells, or as itself."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return tomllib.loads(f"v = {value}")["v"]
+    except tomllib.TOMLDecodeError:
+        return value
+
+
+def read_value(key: str, value: Any, hint: Any, origin: str) -> Any:
+    """``value`` as the type that ``hint`` names: a scalar, an optional, or a tuple of one scalar."""
+    options = get_args(hint) if type(None) in get_args(hint) else (hint,)
+    if isinstance(value, str) and value.lower() in ("none", "") and type(None) in options:
+        return None
+    plain = value if hint is str else toml_value(value)
+    if value is None and type(None) in options:
+        return None
+    for option in (o for o in options if o is not type(None)):
+        if getattr(option, "__origin__", None) is tuple:
+            items = plain.split(",") if isinstance(plain, str) else plain
+            if isinstance(items, list | tuple):
+                scalar = get_args(option)[0]
+                return tuple(
+                    read_value(key, i.strip() if isinstance(i, str) else i, scalar, origin) for i in items
+                )
+        elif option is float and isinstance(plain, int | float) and not isinstance(plain, bool):
+            if int not in options or isinstance(plain, float):
+                return float(plain)
+        elif option is str and isinstance(value, str):
+            return value
+        elif (option in (int, bool) and type(plain) is option) or plain in get_args(option):
+            return plain
+    wanted = " or ".join(_wanted(option) for option in options if option is not type(None))
+    raise ConfigError(f"{origin}: {key} = {value!r}", remedy=wanted, code="E_OPTION")
+
+
+def _wanted(hint: Any) -> str:
+    words = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
+    if hint in words:
+        return words[hint]
+    choices = [choice for choice in get_args(hint) if isinstance(choice, str)]
+    return " or ".join(choices) or "a list of names"
+
+
+def near(word: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(word, known, 3)
+    return f"did you mean {' or '.join(near)}?" if near else f"one of {', '.join(known)}"
