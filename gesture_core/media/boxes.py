@@ -14,7 +14,7 @@ def top_level(file: BinaryIO) -> Iterator[tuple[int, int, bytes, int]]:
     """Position, size, kind and length of its own header, of each box of ``file``.
 
     A size is what the box claims: it may reach beyond the end. Ends after a box whose size makes no
-    sense, which is yielded.
+    sense, which is yielded, as are bytes that are too few for a box.
     """
     end = file.seek(0, 2)
     at = 0
@@ -22,6 +22,8 @@ def top_level(file: BinaryIO) -> Iterator[tuple[int, int, bytes, int]]:
         file.seek(at)
         head = file.read(16)
         if len(head) < 8:
+            if head:
+                yield at, 8, b"", 8
             return
         size, kind, own = _box(head)
         size = end - at if size == 0 else size  # 0: as long as the file goes on

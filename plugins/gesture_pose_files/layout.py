@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_core.skeletons import BLAZEPOSE33, BODY25, COCO17, COCO18, MPI15, Skeleton, skeleton
+from gesture_core.skeletons import BLAZEPOSE33, BODY25, COCO17, COCO18, MPI15, SKELETONS, Skeleton
 from gesture_core.types import PoseSequence
 
 BY_COUNT: Mapping[int, Skeleton] = {
@@ -70,12 +70,13 @@ def sequence(
     Raises
     ------
     KeypointError
-        `E_KEYPOINTS_SHAPE`, `E_KEYPOINTS_VALUE`, `E_KEYPOINTS_EMPTY`, `E_KEYPOINTS_TIMES`.
+        `E_KEYPOINTS_SHAPE`, `E_KEYPOINTS_VALUE`, `E_KEYPOINTS_EMPTY`, `E_KEYPOINTS_TIMES`,
+        `E_KEYPOINTS_SKELETON`.
     """
     array = _three_axes(array, source)
     if len(array) == 0:
         raise KeypointError("holds no frame", subject=source, code="E_KEYPOINTS_EMPTY")
-    body = skeleton(kind) if kind else BY_COUNT[array.shape[1]]
+    body = _body(kind, source) if kind else BY_COUNT[array.shape[1]]
     with np.errstate(over="ignore"):
         values = np.asarray(array, np.float32)
     if np.isinf(values).any():
@@ -105,6 +106,17 @@ def sequence(
         source,
         provenance,
     )
+
+
+def _body(kind: str, source: str) -> Skeleton:
+    if kind not in SKELETONS:
+        raise KeypointError(
+            f"names the skeleton {kind!r}, which is unknown",
+            subject=source,
+            remedy=f"one of {', '.join(SKELETONS)}",
+            code="E_KEYPOINTS_SKELETON",
+        )
+    return SKELETONS[kind]
 
 
 def _three_axes(array: np.ndarray, source: str) -> np.ndarray:
