@@ -149,7 +149,8 @@ def lane_gradients(
             for a, b in ((i + 1, j), (i, j + 1), (i + 1, j + 1)):
                 if a < rows and b < columns:
                     both = finite[a + 1, b + 1] & finite[i + 1, j + 1]
-                    gap = table[a + 1, b + 1] - local[a, b] - table[i + 1, j + 1]
+                    with np.errstate(invalid="ignore"):
+                        gap = table[a + 1, b + 1] - local[a, b] - table[i + 1, j + 1]
                     total += moved[a, b] * np.exp(np.where(both, gap, -np.inf) / gamma)
             moved[i, j] = total
     moved = moved[:rows, :columns]

@@ -7,7 +7,7 @@ import numpy as np
 
 from gesture_core.dtw.lanes import LaneKernel, Lanes
 from gesture_dtw_jax.hard import hard_tile
-from gesture_dtw_jax.soft import soft_tile
+from gesture_dtw_jax.soft import soft_tile, soft_tile_gradients
 from gesture_dtw_jax.tiles import WIDTHS, make_tile
 
 
@@ -30,3 +30,10 @@ class JaxKernel(LaneKernel):
         with jax.enable_x64(lanes.x.dtype == np.float64):
             compute = hard_tile if lanes.gamma is None else soft_tile
             return np.asarray(compute(make_tile(lanes), lanes.cost))[: len(lanes)]
+
+    def warp_gradients(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(P,), (n_max, C, P), (m_max, C, P): soft accumulated costs and their gradients."""
+        with jax.enable_x64(lanes.x.dtype == np.float64):
+            values, of_x, of_y = (np.asarray(a) for a in soft_tile_gradients(make_tile(lanes), lanes.cost))
+        count = len(lanes)
+        return values[:count], of_x[: len(lanes.x), :, :count], of_y[: len(lanes.y), :, :count]

@@ -39,6 +39,17 @@ def soft_tile(tile: Tile, cost: str) -> Array:
     return soft_lanes(tile.x, tile.y, tile.n, tile.m, tile.low, tile.high, tile.gamma, cost)
 
 
+@partial(jax.jit, static_argnames="cost")
+def soft_tile_gradients(tile: Tile, cost: str) -> tuple[Array, Array, Array]:
+    """(W,), (T, C, W), (T, C, W): values, and their gradients with respect to x and y."""
+
+    def values(x: Array, y: Array) -> Array:
+        return soft_lanes(x, y, tile.n, tile.m, tile.low, tile.high, tile.gamma, cost)
+
+    found, pull = jax.vjp(values, tile.x, tile.y)
+    return found, *pull(jnp.ones_like(found))
+
+
 def soft_lanes(
     x: Array, y: Array, n: Array, m: Array, low: Array | None, high: Array | None, gamma: Array, cost: str
 ) -> Array:

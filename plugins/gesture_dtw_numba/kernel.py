@@ -11,9 +11,20 @@ from typing import Any
 import numpy as np
 
 from gesture_core.dtw.bands import has_holes, is_banded
+from gesture_core.dtw.lanes import LaneKernel, Lanes
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
-from gesture_dtw_numba.layout import Batch, make_bands, make_batch, make_costs, make_room, make_rule
+from gesture_dtw_numba.compiled import LANES
+from gesture_dtw_numba.gradient import compiled_gradients
+from gesture_dtw_numba.layout import (
+    Batch,
+    make_bands,
+    make_batch,
+    make_costs,
+    make_gradient_room,
+    make_room,
+    make_rule,
+)
 from gesture_dtw_numba.tile import compiled_tiles
 
 QUERIES, EXAMPLES = 16, 512
@@ -24,6 +35,7 @@ QUERIES, EXAMPLES = 16, 512
 class Prepared:
     """What `NumbaKernel.prepare` keeps of the examples."""
 
+    batch: SignalBatch
     examples: Batch
     spec: DtwSpec
 
@@ -46,7 +58,7 @@ class NumbaKernel:
 
     def prepare(self, examples: SignalBatch, spec: DtwSpec) -> Prepared:
         """Turn the examples once."""
-        return Prepared(make_batch(examples, spec), spec)
+        return Prepared(examples, make_batch(examples, spec), spec)
 
     def distances(self, state: Prepared, queries: SignalBatch) -> np.ndarray:
         """(Q, N) distances in the dtype of the batches; infinity where no dimension is shared."""
@@ -79,6 +91,13 @@ class NumbaKernel:
         self._each(compute, [(part,) for group in np.split(order, borders) for part in _cut(group, EXAMPLES)])
         return out
 
+    def gradients(
+        self, state: Prepared, queries: SignalBatch, weights: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Soft distances, and the gradients of their weighted sum; see `LaneKernel.gradients`."""
+        lanes = GradientLanes()
+        return lanes.gradients(lanes.prepare(state.batch, state.spec), queries, weights)
+
     def _each(self, compute: Callable[..., None], tasks: Sequence[tuple[Any, ...]]) -> None:
         threads = min(self.threads or len(os.sched_getaffinity(0)), len(tasks))
         if threads <= 1:
@@ -109,4 +128,34 @@ def run_tile(queries: Batch, qs: np.ndarray, state: Prepared, es: np.ndarray) ->
     independent, dependent = compiled_tiles()
     function = dependent if is_dependent else independent
     function(queries, qs, examples, es, rule, bands, gamma, costs, room, out)
+    return out
+
+
+class GradientLanes(LaneKernel):
+    """Gradients by lanes: `LaneKernel` pairs and pads, compiled code computes."""
+
+    lane_count = LANES
+
+    def warp(self, lanes: Lanes) -> np.ndarray:
+        """(P,) soft accumulated costs."""
+        return self.warp_gradients(lanes)[0]
+
+    def warp_gradients(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(P,), (n_max, C, P), (m_max, C, P): soft accumulated costs and their gradients."""
+        assert lanes.gamma is not None
+        x, y, gamma = (_widen(part, 0 if part.ndim > 1 else 1) for part in (lanes.x, lanes.y, lanes.gamma))
+        n, m = _widen(lanes.n, 1), _widen(lanes.m, 1)
+        low = high = None
+        if lanes.low is not None and lanes.high is not None:
+            low, high = _widen(lanes.low, 0), _widen(lanes.high, 0)
+        room = make_gradient_room(x, y)
+        rule = (lanes.cost != "absolute", lanes.cost == "euclidean")
+        compiled_gradients()(x, y, n, m, low, high, gamma, *rule, room)
+        return tuple(part[..., : len(lanes)] for part in room[:3])  # type: ignore[return-value]
+
+
+def _widen(array: np.ndarray, fill: int) -> np.ndarray:
+    """The last axis filled up to `LANES`."""
+    out = np.full((*array.shape[:-1], LANES), fill, array.dtype)
+    out[..., : array.shape[-1]] = array
     return out

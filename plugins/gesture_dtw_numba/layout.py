@@ -161,6 +161,20 @@ def make_room(rows: int, columns: int, width: int, banded: bool, dtype: np.dtype
     )
 
 
+def make_gradient_room(x: np.ndarray, y: np.ndarray) -> tuple:
+    """What `gradient.compiled_gradients` fills and works in, for (n, C, LANES) and (m, C, LANES)."""
+    rows, columns, dtype = len(x), len(y), x.dtype
+    return (
+        _aligned((LANES,), dtype),
+        np.empty_like(x),
+        np.empty_like(y),
+        _aligned((rows, columns, LANES), dtype),
+        _aligned((rows + 1, columns + 1, LANES), dtype),
+        _aligned((rows + 1, columns + 1, LANES), dtype),
+        dtype.type(unreached(dtype)),
+    )
+
+
 def make_costs(width: int, euclidean: bool, dtype: np.dtype) -> Costs:
     """Every dimension counts fully until a tile says otherwise."""
     costs = Costs(_aligned((width, LANES), dtype), _aligned((ROWS, LANES), dtype), euclidean)

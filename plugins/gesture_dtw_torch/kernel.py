@@ -10,6 +10,7 @@ import torch
 
 from gesture_core.dtw.lanes import LaneKernel, Lanes
 from gesture_dtw_torch.diagonals import Band, hard_diagonals, soft_diagonals
+from gesture_dtw_torch.soft import SoftLanes
 
 
 @dataclass(frozen=True)
@@ -35,16 +36,28 @@ class TorchKernel(LaneKernel):
 
     def warp(self, lanes: Lanes) -> np.ndarray:
         """(P,) accumulated costs."""
-        x, y, n, m = (self._tensor(array) for array in (lanes.x, lanes.y, lanes.n, lanes.m))
+        tensors = self._tensors(lanes)
+        with torch.no_grad():
+            if lanes.gamma is None:
+                values = hard_diagonals(*tensors, lanes.cost)
+            else:
+                values, _ = soft_diagonals(*tensors, self._tensor(lanes.gamma), lanes.cost)
+        return values.cpu().numpy()
+
+    def warp_gradients(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(P,), (n_max, C, P), (m_max, C, P): soft accumulated costs and their gradients."""
+        assert lanes.gamma is not None
+        x, y, *rest = self._tensors(lanes)
+        x.requires_grad_(), y.requires_grad_()
+        values = SoftLanes.apply(x, y, *rest, self._tensor(lanes.gamma), lanes.cost)
+        slopes = torch.autograd.grad(values.sum(), (x, y))
+        return tuple(part.detach().cpu().numpy() for part in (values, *slopes))  # type: ignore[return-value]
+
+    def _tensors(self, lanes: Lanes) -> tuple[torch.Tensor, ...]:
         band = None
         if lanes.low is not None and lanes.high is not None:
             band = Band(self._tensor(lanes.low), self._tensor(lanes.high))
-        with torch.no_grad():
-            if lanes.gamma is None:
-                values = hard_diagonals(x, y, n, m, band, lanes.cost)
-            else:
-                values, _ = soft_diagonals(x, y, n, m, band, self._tensor(lanes.gamma), lanes.cost)
-        return values.cpu().numpy()
+        return *(self._tensor(array) for array in (lanes.x, lanes.y, lanes.n, lanes.m)), band
 
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(np.ascontiguousarray(array)).to(self.device)
