@@ -100,7 +100,7 @@ def a8_table(shared: Path, paper: Settings) -> None:
     """The a8 column on the Kinect joints of subjects 1 to 4, with and without it."""
     actions = ("a1", "a6", "a7", "a8", "a9", "a24", "a26")
     items = [item for item in utd_skeleton(shared) if item.label in actions]
-    print("\nKinect joints (x, y) of subjects 1 to 4, the medoid of subject 1's trials as example, preset paper")
+    print("\nKinect joints (x, y) of subjects 1 to 4, examples: the medoids of subject 1, preset paper")
     for chosen in (tuple(a for a in actions if a != "a8"), actions):
         kept = [item for item in items if item.label in chosen]
         examples = [i for i in kept if i.subject == "s1"]

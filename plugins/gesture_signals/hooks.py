@@ -15,6 +15,11 @@ def register_normalizers(register: Register) -> None:
         "gesture_signals.torso:TorsoNormalizer",
         summary="neck at the origin, scale from the running median of the neck-to-hip distance",
     )
+    register(
+        "upright",
+        "gesture_signals.upright:UprightNormalizer",
+        summary="torso, after turning the body upright: a camera's roll does not matter",
+    )
 
 
 @hookimpl

@@ -1,0 +1,204 @@
+"""Accuracy under damage: the paper's method beside the preset `modern`, as a table and as curves.
+
+    python benchmarks/stress.py [--shared FOLDER] [--png benchmarks/stress.png] [--kernel NAME]
+
+Queries are damaged, examples stay whole: utd_openpose, leave-one-subject-out. Damage is drawn from
+a fixed seed, the same for every preset.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from datasets import ROOT, Item, arguments, utd_openpose
+
+from gesture_core.classify.comparison import compare
+from gesture_core.errors import GestureError
+from gesture_core.report.plots import BLUE, GREEN, GREY, ORANGE, new_figure, save
+from gesture_core.settings import Settings, load_settings
+from gesture_core.signals.chain import Chain
+from gesture_core.skeletons import COCO18
+from gesture_core.types import PoseSequence
+
+COLOURS = (ORANGE, BLUE, GREEN, GREY)
+
+
+@dataclass(frozen=True)
+class Stress:
+    """One kind of damage at several strengths; the first strength is none."""
+
+    name: str
+    unit: str
+    strengths: Sequence[float]
+    damage: Callable[[PoseSequence, float, np.random.Generator], PoseSequence]
+
+
+def dropout(pose: PoseSequence, share: float, random: np.random.Generator) -> PoseSequence:
+    """Joints that are missing, each frame anew."""
+    gone = random.random(pose.scores.shape) < share
+    return replace(pose, keypoints=np.where(gone[..., None], np.nan, pose.keypoints))
+
+
+def bursts(pose: PoseSequence, share: float, random: np.random.Generator) -> PoseSequence:
+    """Joints that are missing for about half a second at a time."""
+    length = max(1, round(0.5 / float(np.median(np.diff(pose.times)))))
+    gone = np.zeros(pose.scores.shape, bool)
+    wanted = share * gone.size
+    while gone.sum() < wanted:
+        start = random.integers(-length + 1, len(pose))
+        gone[max(start, 0) : start + length, random.integers(gone.shape[1])] = True
+    return replace(pose, keypoints=np.where(gone[..., None], np.nan, pose.keypoints))
+
+
+def jitter(pose: PoseSequence, size: float, random: np.random.Generator) -> PoseSequence:
+    """Noise on every coordinate; the size is its deviation in shoulder widths."""
+    return replace(pose, keypoints=pose.keypoints + random.normal(0, size, pose.keypoints.shape))
+
+
+def frame_drops(pose: PoseSequence, share: float, random: np.random.Generator) -> PoseSequence:
+    """Frames that never arrive; those that do keep their times."""
+    return _frames(pose, np.flatnonzero(random.random(len(pose)) >= share))
+
+
+def frame_rate(pose: PoseSequence, factor: float, random: np.random.Generator) -> PoseSequence:
+    """The same movement at another frame rate, with true times."""
+    times = np.linspace(pose.times[0], pose.times[-1], max(2, round(len(pose) * factor)))
+    flat = pose.keypoints.reshape(len(pose), -1)
+    points = np.stack([np.interp(times, pose.times, c) for c in flat.T], axis=1).reshape(-1, 18, 2)
+    return PoseSequence(points, np.ones(points.shape[:2]), times, source=pose.source)
+
+
+def roll(pose: PoseSequence, degrees: float, random: np.random.Generator) -> PoseSequence:
+    """A camera that is turned about its axis."""
+    a = np.radians(degrees)
+    turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
+    return replace(pose, keypoints=pose.keypoints @ turn.T)
+
+
+def scale(pose: PoseSequence, factor: float, random: np.random.Generator) -> PoseSequence:
+    """A person of another size somewhere else in the picture."""
+    return replace(pose, keypoints=pose.keypoints * factor + random.uniform(-500, 500, 2))
+
+
+def walk(pose: PoseSequence, factor: float, random: np.random.Generator) -> PoseSequence:
+    """A person who comes nearer: size grows by the factor from the first to the last frame."""
+    growth = np.linspace(1, factor, len(pose))[:, None, None]
+    return replace(pose, keypoints=pose.keypoints * growth)
+
+
+def mirror(pose: PoseSequence, on: float, random: np.random.Generator) -> PoseSequence:
+    """The same gesture with the other hand."""
+    if not on:
+        return pose
+    return replace(pose, keypoints=pose.keypoints[:, list(COCO18.mirror)] * (-1, 1))
+
+
+def clip_ends(pose: PoseSequence, share: float, random: np.random.Generator) -> PoseSequence:
+    """A part cut off at the start and as much at the end."""
+    cut = round(len(pose) * share)
+    return _frames(pose, np.arange(cut, len(pose) - cut))
+
+
+def _frames(pose: PoseSequence, kept: np.ndarray) -> PoseSequence:
+    return replace(pose, keypoints=pose.keypoints[kept], scores=pose.scores[kept], times=pose.times[kept])
+
+
+STRESSES = (
+    Stress("joint dropout", "share missing", (0, 0.1, 0.2, 0.3, 0.4, 0.5), dropout),
+    Stress("joint dropout in bursts", "share missing", (0, 0.1, 0.2, 0.3, 0.4, 0.5), bursts),
+    Stress("jitter", "shoulder widths", (0, 0.05, 0.1, 0.2, 0.3), jitter),
+    Stress("frame drops", "share lost", (0, 0.1, 0.2, 0.3, 0.5, 0.7), frame_drops),
+    Stress("frame rate", "factor", (1, 0.25, 0.5, 2, 4), frame_rate),
+    Stress("camera roll", "degrees", (0, 5, 10, 15, 20, 30), roll),
+    Stress("scale and position", "factor", (1, 0.2, 0.5, 2, 10), scale),
+    Stress("walking nearer", "growth", (1, 1.2, 1.5, 2), walk),
+    Stress("mirrored", "0 no, 1 yes", (0, 1), mirror),
+    Stress("clipped start and end", "share of each", (0, 0.05, 0.1, 0.15, 0.2, 0.3), clip_ends),
+)
+
+
+def accuracies(items: Sequence[Item], settings: Settings) -> dict[str, list[float]]:
+    """Accuracy at each strength of each damage."""
+    chain = replace(Chain.from_settings(settings), allow_still=True)
+    examples = chain.all(item.pose for item in items)
+    labels = np.array([item.label for item in items])
+    subjects = np.array([item.subject for item in items])
+    out: dict[str, list[float]] = {}
+    for stress in STRESSES:
+        for strength in stress.strengths:
+            random = np.random.default_rng(7)
+            queries, places = [], []
+            for place, item in enumerate(items):
+                damaged = stress.damage(item.pose, strength, random)
+                try:
+                    queries.append(chain(damaged))
+                    places.append(place)
+                except GestureError:  # no label is no right answer
+                    continue
+            right = 0
+            if queries:
+                distances = compare(queries, examples, settings)
+                distances[subjects[places][:, None] == subjects[None]] = np.inf
+                right = int((labels[distances.argmin(axis=1)] == labels[places]).sum())
+            out.setdefault(stress.name, []).append(right / len(items))
+    return out
+
+
+def draw(found: dict[str, dict[str, list[float]]], path: Path) -> None:
+    """One panel for each damage, one curve for each preset."""
+    columns = 5
+    rows = -(-len(STRESSES) // columns)
+    figure = new_figure(14, 2.9 * rows)
+    for index, stress in enumerate(STRESSES):
+        axes = figure.add_subplot(rows, columns, index + 1)
+        order = np.argsort(stress.strengths)
+        for colour, (preset, values) in zip(COLOURS, found.items(), strict=False):
+            x = np.array(stress.strengths)[order]
+            axes.plot(x, 100 * np.array(values[stress.name])[order], "o-", color=colour, label=preset, ms=3.5)
+        if stress.unit in ("factor", "growth"):
+            axes.set_xscale("log")
+            axes.set_xticks(sorted(stress.strengths), [f"{s:g}" for s in sorted(stress.strengths)])
+            axes.minorticks_off()
+        axes.set_title(stress.name, fontsize=10)
+        axes.set_xlabel(stress.unit, fontsize=8)
+        axes.set_ylim(0, 103)
+        axes.tick_params(labelsize=8)
+        axes.grid(alpha=0.3)
+        if index % columns == 0:
+            axes.set_ylabel("accuracy, %", fontsize=8)
+        if index == 0:
+            axes.legend(fontsize=8, loc="lower left")
+    save(figure, path)
+
+
+def main() -> int:
+    """Print the table and draw the curves."""
+    parser = arguments(__doc__.splitlines()[0])
+    parser.add_argument("--presets", nargs="+", default=["paper", "modern", "modern+upright"])
+    parser.add_argument("--png", type=Path, default=ROOT / "benchmarks" / "stress.png")
+    parser.add_argument("--kernel", default="auto")
+    given = parser.parse_args()
+    items = utd_openpose(given.shared)
+    found = {}
+    for name in given.presets:
+        preset, _, normalizer = name.partition("+")
+        settings = load_settings(preset, classify__kernel=given.kernel)
+        if normalizer:
+            settings = settings.with_values([("signals.normalizer", normalizer)])
+        found[name] = accuracies(items, settings)
+    for stress in STRESSES:
+        print(f"\n| {stress.name} ({stress.unit}) | " + " | ".join(f"{s:g}" for s in stress.strengths) + " |")
+        print("|---" * (1 + len(stress.strengths)) + "|")
+        for name, values in found.items():
+            print(f"| {name} | " + " | ".join(f"{100 * v:.1f}" for v in values[stress.name]) + " |")
+    draw(found, given.png)
+    print(f"\n{given.png}", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
