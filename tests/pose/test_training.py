@@ -12,14 +12,14 @@ for _module in ("torch", "onnx", "onnxruntime", "cv2", "rich", "scipy"):
     pytest.importorskip(_module, reason=f"the training needs {_module}: pip install 'gesture-core[train]'")
 
 import torch  # noqa: E402
-
-from gesture_core.errors import ConfigError, ModelError  # noqa: E402
 from gesture_pose_onnx.training import augment, decode, evaluate, export, joints, losses, network  # noqa: E402
 from gesture_pose_onnx.training import settings as settings_module  # noqa: E402
 from gesture_pose_onnx.training.batches import Batches, leg_of  # noqa: E402
 from gesture_pose_onnx.training.cutout import PERSON, cut_out  # noqa: E402
 from gesture_pose_onnx.training.store import Store, Writer  # noqa: E402
 from gesture_pose_onnx.training.train import train  # noqa: E402
+
+from gesture_core.errors import ConfigError, ModelError  # noqa: E402
 
 TINY = {
     "seed": 3,

@@ -10,7 +10,7 @@ from pathlib import Path
 # Threads that spin while they wait starve each other on a busy machine: 5 against 85 pictures a second.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-import torch  # noqa: E402
+import torch
 
 from . import settings as settings_module
 from .batches import Batches

@@ -108,7 +108,9 @@ _SHOULDER = np.array([0.187, -0.009, 0.0])
 
 def sample_reach(rng: np.random.Generator) -> np.ndarray:
     """Where a left hand goes, from its shoulder, metres."""
-    kind = rng.choice(["hang", "front", "up", "side", "hip", "face", "far"], p=[0.2, 0.3, 0.16, 0.12, 0.06, 0.08, 0.08])
+    kind = rng.choice(
+        ["hang", "front", "up", "side", "hip", "face", "far"], p=[0.2, 0.3, 0.16, 0.12, 0.06, 0.08, 0.08]
+    )
     if kind == "hang":
         return np.array([rng.normal(0.06, 0.06), rng.normal(-0.03, 0.08), -0.52 + abs(rng.normal(0, 0.03))])
     if kind == "front":

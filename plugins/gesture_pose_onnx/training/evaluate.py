@@ -152,7 +152,12 @@ def run_student(
     """Student on jittered crops and on whole pictures: points and scores of each."""
     rng = np.random.default_rng(seed)
     count = len(frames)
-    out = [np.zeros((count, COUNT, 2)), np.zeros((count, COUNT)), np.zeros((count, COUNT, 2)), np.zeros((count, COUNT))]
+    out = [
+        np.zeros((count, COUNT, 2)),
+        np.zeros((count, COUNT)),
+        np.zeros((count, COUNT, 2)),
+        np.zeros((count, COUNT)),
+    ]
     for index, frame in enumerate(frames):
         box = box_of(points[index], seen[index])
         height, width = frame.shape[:2]
@@ -185,10 +190,18 @@ def evaluate(model: Path, shared: Path, work: Path, step: int = 20) -> str:
         got = run_student(student, frames, points, scores > SURE, 0)
         part = slice(1, 1 + len(keypoints))
         gathered.append((keypoints, got[0][part], got[1][part], points[part], scores[part]))
-    keypoints, mine, mine_scores, theirs, their_scores = (np.concatenate(p) for p in zip(*gathered, strict=True))
+    keypoints, mine, mine_scores, theirs, their_scores = (
+        np.concatenate(p) for p in zip(*gathered, strict=True)
+    )
     every = np.ones(keypoints.shape[:2], bool)
-    rows.append(compare(mine, mine_scores, keypoints, every).line("A1 UTD, authors' keypoints: compact").replace("nan", "-"))
-    rows.append(compare(theirs, their_scores, keypoints, every).line("A1 UTD, authors' keypoints: hpe0001 368"))
+    rows.append(
+        compare(mine, mine_scores, keypoints, every)
+        .line("A1 UTD, authors' keypoints: compact")
+        .replace("nan", "-")
+    )
+    rows.append(
+        compare(theirs, their_scores, keypoints, every).line("A1 UTD, authors' keypoints: hpe0001 368")
+    )
     rows += _body_gesture(student, teachers, shared, cache, step)
     rows.append("")
     rows.append(speed(model, shared))

@@ -105,9 +105,7 @@ def find(teachers: Teachers, picture: np.ndarray) -> Box | None:
     return box
 
 
-def agree(
-    teachers: Teachers, crop: np.ndarray, limit: float
-) -> tuple[np.ndarray, np.ndarray] | None:
+def agree(teachers: Teachers, crop: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Joints of the one person in a crop, as both teachers see them.
 
     Returns
@@ -147,8 +145,10 @@ def label(shared: Path, target: Path, data: Data, threads: int, progress: object
         step = data.sparse_step if source.file.parent.name in data.sparse else data.frame_step
         for frame in frames(source.file, step):
             shrink = LONGEST / max(frame.shape[:2])
-            picture = frame if shrink >= 1 else cv2.resize(
-                frame, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA
+            picture = (
+                frame
+                if shrink >= 1
+                else cv2.resize(frame, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
             )
             for number, strip in enumerate(strips(picture, source.people)):
                 box = boxes.get(number) or find(teachers, strip)

@@ -5,7 +5,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from .joints import NAMES
 from .network import STRIDE
+
+IMPORTANCE = torch.tensor([2.0 if "wrist" in n else 1.5 if "elbow" in n else 1.0 for n in NAMES])
+"""(18,) weight of each joint: arms make gestures, and they are the hardest to find."""
 
 WINDOW = 3  # cells to each side of a joint that the soft-argmax looks at
 
@@ -28,7 +32,7 @@ def target_maps(joints: Tensor, height: int, width: int, sigma: float) -> Tensor
 
 def heat_loss(heat: Tensor, target: Tensor, joints: Tensor) -> Tensor:
     """Squared error, ten times heavier on the peaks; maps of joints that are not known do not count."""
-    known = (joints[..., 2] >= 0).float()[..., None, None]
+    known = ((joints[..., 2] >= 0) * IMPORTANCE)[..., None, None]
     weight = (1 + 9 * target) * known
     return ((heat - target) ** 2 * weight).sum() / (known.sum() * target.shape[-1] * target.shape[-2] * 0.02)
 
@@ -46,5 +50,5 @@ def offset_loss(heat: Tensor, joints: Tensor) -> Tensor:
     mass = heat.clamp_min(0) ** 2 * near + 1e-6 * near
     total = mass.sum(dim=(-2, -1)).clamp_min(1e-9)
     mean = torch.stack([(mass.sum(-2) * x).sum(-1) / total, (mass.sum(-1) * y).sum(-1) / total], dim=-1)
-    present = (joints[..., 2] > 0).float()
+    present = (joints[..., 2] > 0) * IMPORTANCE
     return ((mean - place).abs().sum(-1) * present).sum() / present.sum().clamp_min(1)

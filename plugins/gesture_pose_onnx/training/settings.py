@@ -67,9 +67,7 @@ def _leaf(kind: type, table: dict[str, object], where: str) -> object:
     known = {f.name for f in fields(kind)}
     for key in table:
         if key not in known:
-            raise ConfigError(
-                f"unknown key {key!r} in {where}", remedy=f"one of {', '.join(sorted(known))}"
-            )
+            raise ConfigError(f"unknown key {key!r} in {where}", remedy=f"one of {', '.join(sorted(known))}")
     return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in table.items()})
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import csv
 import math
-import os
 import time
 from pathlib import Path
 
@@ -73,7 +72,9 @@ def train(batches: Batches, settings: Settings, work: Path, progress: bool = Tru
     model = model.to(memory_format=torch.channels_last)
     model.train()
     total = len(batches)
-    loader = DataLoader(batches, batch_size=None, sampler=range(step, total), num_workers=1, prefetch_factor=4)
+    loader = DataLoader(
+        batches, batch_size=None, sampler=range(step, total), num_workers=1, prefetch_factor=4
+    )
     began, images, sums, count = time.monotonic() - spent * 60, 0, [0.0, 0.0], 0
     bar = _Bar(total, step) if progress else None
     for pictures, joints in loader:
@@ -132,7 +133,7 @@ def _save(
     }
     part = path.with_suffix(".part")
     torch.save(state, part)
-    os.replace(part, path)
+    part.replace(path)
 
 
 class _Bar:
@@ -142,7 +143,11 @@ class _Bar:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
         self._progress = Progress(
-            TextColumn("train"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.fields[loss]}")
+            TextColumn("train"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[loss]}"),
         )
         self._task = self._progress.add_task("train", total=total, completed=done, loss="")
         self._progress.start()
