@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 MAX_NOTES = 12
+SQUARE = "pixels are not square ({}:{}); pictures are used as they are stored"
 
 
 @dataclass(frozen=True)

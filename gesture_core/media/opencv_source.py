@@ -17,7 +17,7 @@ import numpy as np
 from gesture_core.errors import MediaError
 from gesture_core.media.account import gaps
 from gesture_core.media.fragments import broken_chain
-from gesture_core.media.info import Ledger, MediaInfo
+from gesture_core.media.info import SQUARE, Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
 from gesture_core.media.sniff import CONTAINERS, printable
 from gesture_core.media.upright import quarter_turns
@@ -102,6 +102,9 @@ class OpenCvSource:
         import cv2
 
         rotation = quarter_turns(self._get(cv2.CAP_PROP_ORIENTATION_META))
+        across, down = self._get(cv2.CAP_PROP_SAR_NUM), self._get(cv2.CAP_PROP_SAR_DEN)
+        if across > 0 and down > 0 and across != down:
+            self._ledger.note(SQUARE.format(int(across), int(down)))
         height, width = first.shape[:2]
         if rotation % 180:
             width, height = height, width

@@ -12,6 +12,7 @@ from gesture_core.errors import GestureError, MediaError
 from gesture_core.media.info import Ledger
 
 _AGAIN = "copy it again from where it came"
+_MAX_MESSAGE = 200
 _levels: list[Any] = []
 _lock = threading.Lock()
 
@@ -88,12 +89,18 @@ class Ear:
                 ) from error
         for level, _, message in logs:
             if level <= av.logging.ERROR:
-                step.damage(" ".join(message.split()))
+                step.damage(_plain(message))
         if step.clause:
             self._ledger.damage(step.clause)
 
     def _error(self, cause: str, code: str, remedy: str) -> MediaError:
         return MediaError(cause, subject=self._subject, remedy=remedy, code=code)
+
+
+def _plain(message: str) -> str:
+    """A log line that may quote the file, fit for a terminal."""
+    text = " ".join(message.split())[:_MAX_MESSAGE]
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def _from_the_disk(error: Exception) -> bool:

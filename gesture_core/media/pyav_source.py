@@ -17,7 +17,7 @@ from gesture_core.errors import MediaError
 from gesture_core.media.account import Account
 from gesture_core.media.edits import read_edits
 from gesture_core.media.fragments import broken_chain
-from gesture_core.media.info import Ledger, MediaInfo
+from gesture_core.media.info import SQUARE, Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
 from gesture_core.media.pyav_ear import Ear, refuse
 from gesture_core.media.sniff import printable
@@ -125,6 +125,9 @@ class PyAvSource:
         stream = self._stream
         rotation, mirrored = orientation(display_matrix(first), first.rotation)
         rates = [float(rate) for rate in (stream.average_rate, stream.guessed_rate) if rate]
+        ratio = stream.codec_context.sample_aspect_ratio
+        if ratio and ratio != 1:
+            self._ledger.note(SQUARE.format(ratio.numerator, ratio.denominator))
         width, height = first.width, first.height
         if rotation % 180:
             width, height = height, width

@@ -36,10 +36,6 @@ CONTAINERS: tuple[str, ...] = (
     "mov", "avi", "mpegts", "mjpeg", "h264", "hevc", *dict.fromkeys(name for _, name in _MAGIC),
 )  # fmt: skip
 _PLAYLISTS: tuple[bytes, ...] = (b"ffconcat", b"#EXTM3U", b"[playlist]", b"<?xml", b"<MPD", b"<smil", b"v=0")
-MEDIA_SUFFIXES = frozenset(
-    ".mp4 .m4v .mov .qt .3gp .3g2 .avi .mkv .webm .flv .f4v .ogv .ogg .gif .wmv .asf .mpg .mpeg .m1v .m2v "
-    ".vob .ts .mts .m2ts .y4m .ivf .mxf .mjpeg .mjpg .h264 .264 .avc .h265 .265 .hevc".split()
-)
 
 
 def open_file(path: str | os.PathLike[str]) -> BinaryIO:
