@@ -15,7 +15,6 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gesture_core.errors import MediaError
-from gesture_core.media.account import gaps
 from gesture_core.media.fragments import broken_chain
 from gesture_core.media.info import SQUARE, Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
@@ -24,8 +23,12 @@ from gesture_core.media.upright import quarter_turns
 
 # Reads after a refused one before it counts as the end of the file.
 _RETRIES = 16
-# Containers with a table of samples; elsewhere OpenCV's frame count is duration times rate.
-_EXACT_COUNTS = frozenset({"mov", "avi", "gif"})
+# Containers with a table of samples; elsewhere OpenCV's frame count is duration times average rate.
+_COUNTED = frozenset({"mov", "avi", "gif"})
+# Containers whose header holds a duration that is worth something.
+_TIMED = frozenset({"matroska", "flv"})
+# Seconds by which sound commonly outlasts the picture.
+_OVERHANG = 0.25
 _MIN_BYTES_PER_FRAME = 8
 # What marks a picture track in the header of a container, and what marks other tracks.
 _PICTURE_TRACKS = {"mov": (b"vide", b"soun subt text"), "matroska": (b"V_", b"A_ S_")}
@@ -121,16 +124,24 @@ class OpenCvSource:
         )
 
     def _declared(self) -> int | None:
-        """The header's frame count where rate and file size make it believable."""
+        """The header's frame count where there is one and rate and file size make it believable."""
         import cv2
 
         count, fps = self._get(cv2.CAP_PROP_FRAME_COUNT), self._get(cv2.CAP_PROP_FPS)
         believable = (
-            0 < count <= self._limits.max_frames
+            self._container in _COUNTED
+            and 0 < count <= self._limits.max_frames
             and 0 < fps <= MAX_FPS
             and count * _MIN_BYTES_PER_FRAME <= self._size
         )
         return int(count) if believable else None
+
+    def _duration(self) -> float | None:
+        """Seconds that the header promises; OpenCV tells them only as frames at the average rate."""
+        import cv2
+
+        count, fps = self._get(cv2.CAP_PROP_FRAME_COUNT), self._get(cv2.CAP_PROP_FPS)
+        return count / fps if self._container in _TIMED and 0 < count < 1e9 and fps > 0 else None
 
     def __iter__(self) -> Iterator[tuple[float | None, np.ndarray]]:
         yield self._first
@@ -172,19 +183,23 @@ class OpenCvSource:
     def _settle(self, count: int) -> None:
         if self._container == "mov" and (fault := broken_chain(self._file)):
             self._ledger.damage(f"broken chain of fragments: {fault}")
-        declared = self.info.frames_declared
-        if declared is None:
+        declared, duration = self.info.frames_declared, self._duration()
+        if declared is not None:
+            absent = declared - count
+            if absent > 0:
+                self._ledger.damage(
+                    f"{absent} of {declared} declared frames did not come: lost, or cut by an edit list",
+                    absent,
+                )
+        elif duration is not None and len(self._stamps) > 1:
+            step = float(np.median(np.diff(self._stamps)))
+            end = max(self._stamps) + step
+            # Sound may run on after the picture.
+            if duration - end > max(2 * step, 0.05 * duration, _OVERHANG):
+                self._ledger.damage(f"ends at {end:.2f} of {duration:.2f} declared seconds")
+        else:
             self._ledger.note(
-                "the header holds no believable frame count; this reader cannot tell whether frames are lost"
-            )
-            return
-        absent = declared - count
-        # Rounding, and sound that runs on after the picture, make an estimated count too high.
-        exact = self._container in _EXACT_COUNTS or gaps(self._stamps) > 0
-        tolerance = 0 if exact else max(2, declared // 20)
-        if absent > tolerance:
-            self._ledger.damage(
-                f"{absent} of {declared} declared frames did not come: lost, or cut by an edit list", absent
+                "the header promises nothing believable; this reader cannot tell whether frames are lost"
             )
 
     def _check_size(self, width: float, height: float) -> None:

@@ -8,6 +8,7 @@ the file lacks, and packets from which no frame came.
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
@@ -71,6 +72,10 @@ class PyAvSource:
         try:
             self._open(file, container)
             self._origin = self._stream.start_time or 0
+            # AVI stamps packets, not pictures: the n-th picture shown has the n-th packet's stamp,
+            # whatever the order in which a decoder needs them.
+            self._stamps_packets = container == "avi"
+            self._packet_stamps: deque[int | None] = deque()
             self._frames = self._decode()
             self._first = next(self._frames, None)
             if self._first is None:
@@ -261,9 +266,11 @@ class PyAvSource:
                 step.damage("frame with damaged parts")
         if step.failed and packet is not None:
             self._account.refused += 1
-        if frames and not self._account.frames and self._container.format.name == "avi":
-            # AVI stamps packets, not pictures: a decoder that looks ahead dates the first one late.
-            self._origin = frames[0].pts or self._origin
+        elif packet is not None and self._stamps_packets:
+            self._packet_stamps.append(packet.dts)
+        if self._stamps_packets:
+            for frame in frames:
+                frame.pts = self._packet_stamps.popleft() if self._packet_stamps else None
         self._account.frames += len(frames)
         self._account.stamps += [stamp for frame in frames if (stamp := self._stamp(frame)) is not None]
         return frames
