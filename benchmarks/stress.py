@@ -24,7 +24,12 @@ from gesture_core.signals.chain import Chain
 from gesture_core.skeletons import COCO18
 from gesture_core.types import PoseSequence
 
-COLOURS = (ORANGE, BLUE, GREEN, GREY)
+STYLES = (
+    {"color": ORANGE, "marker": "o"},
+    {"color": BLUE, "marker": "s"},
+    {"color": GREEN, "marker": "^", "linestyle": "--"},
+    {"color": GREY, "marker": "x", "linestyle": ":"},
+)
 
 
 @dataclass(frozen=True)
@@ -116,7 +121,7 @@ STRESSES = (
     Stress("camera roll", "degrees", (0, 5, 10, 15, 20, 30), roll),
     Stress("scale and position", "factor", (1, 0.2, 0.5, 2, 10), scale),
     Stress("walking nearer", "growth", (1, 1.2, 1.5, 2), walk),
-    Stress("mirrored", "0 no, 1 yes", (0, 1), mirror),
+    Stress("mirrored", "other hand", (0, 1), mirror),
     Stress("clipped start and end", "share of each", (0, 0.05, 0.1, 0.15, 0.2, 0.3), clip_ends),
 )
 
@@ -156,13 +161,15 @@ def draw(found: dict[str, dict[str, list[float]]], path: Path) -> None:
     for index, stress in enumerate(STRESSES):
         axes = figure.add_subplot(rows, columns, index + 1)
         order = np.argsort(stress.strengths)
-        for colour, (preset, values) in zip(COLOURS, found.items(), strict=False):
+        for style, (preset, values) in zip(STYLES, found.items(), strict=False):
             x = np.array(stress.strengths)[order]
-            axes.plot(x, 100 * np.array(values[stress.name])[order], "o-", color=colour, label=preset, ms=3.5)
+            axes.plot(x, 100 * np.array(values[stress.name])[order], **style, label=preset, ms=3.5)
         if stress.unit in ("factor", "growth"):
             axes.set_xscale("log")
             axes.set_xticks(sorted(stress.strengths), [f"{s:g}" for s in sorted(stress.strengths)])
             axes.minorticks_off()
+        elif stress.unit == "other hand":
+            axes.set_xticks([0, 1], ["no", "yes"])
         axes.set_title(stress.name, fontsize=10)
         axes.set_xlabel(stress.unit, fontsize=8)
         axes.set_ylim(0, 103)
