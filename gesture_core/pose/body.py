@@ -44,7 +44,8 @@ class Window:
         top = int(np.clip(round(body.y - half), 0, high - least))
         right = int(np.clip(round(body.x + half), left + least, wide))
         bottom = int(np.clip(round(body.y + half), top + least, high))
-        return cls(left, top, right, bottom)
+        # Even sides are halved exactly, and so fast, where the view is scaled down.
+        return cls(left, top, right - (right - left) % 2, bottom - (bottom - top) % 2)
 
     @classmethod
     def whole(cls, frame_size: tuple[int, int]) -> Window:

@@ -82,19 +82,11 @@ def to_batch(frames: Sequence[np.ndarray], box: Letterbox, contract: ModelContra
     -------
     (N, 3, H, W) or (N, H, W, 3) array of the contract's dtype
     """
-    import cv2
-
     pictures = np.full((len(frames), box.height, box.width, 3), contract.pad, np.uint8)
     rows = slice(box.top, box.top + box.inner_height)
     columns = slice(box.left, box.left + box.inner_width)
-    # Averaging keeps thin limbs that sampling would drop; enlarging has nothing to average.
-    shrinking = box.scale_x < 1
     for picture, frame in zip(pictures, frames, strict=True):
-        picture[rows, columns] = cv2.resize(
-            frame,
-            (box.inner_width, box.inner_height),
-            interpolation=cv2.INTER_AREA if shrinking else cv2.INTER_LINEAR,
-        )
+        picture[rows, columns] = _scaled(frame, box.inner_width, box.inner_height)
     order = (0, 1, 2) if contract.colour == "bgr" else (2, 1, 0)
     high, wide = box.height, box.width
     shape = (len(frames), 3, high, wide) if contract.channels_first else (len(frames), high, wide, 3)
@@ -107,3 +99,16 @@ def to_batch(frames: Sequence[np.ndarray], box: Letterbox, contract: ModelContra
         if contract.scale[target] != 1:
             plane *= contract.scale[target]
     return batch
+
+
+def _scaled(frame: np.ndarray, wide: int, high: int) -> np.ndarray:
+    """``frame`` in another size: halved by averaging as long as possible, then interpolated.
+
+    Interpolation alone would drop thin limbs, and averaging to any size takes six times as long.
+    """
+    import cv2
+
+    while frame.shape[1] >= 2 * wide and frame.shape[0] >= 2 * high:
+        half = frame.shape[1] // 2, frame.shape[0] // 2
+        frame = cv2.resize(frame, half, interpolation=cv2.INTER_AREA)
+    return cv2.resize(frame, (wide, high), interpolation=cv2.INTER_LINEAR)
