@@ -1,0 +1,167 @@
+"""`GestureClassifier`: scikit-learn's habits, all three kinds of input, rejection, mirrored examples."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sklearn.base import clone, is_classifier
+from sklearn.model_selection import GridSearchCV, cross_val_score
+from swings import pose, swing
+
+from gesture_core import GestureClassifier, warping_distances
+from gesture_core.classify.comparison import common_share, compare
+from gesture_core.errors import ConfigError, InputError
+from gesture_core.settings import Settings, load_settings
+from gesture_core.types import Signals
+
+GESTURES = {"up": ("right_wrist", 1, 1.0), "twice": ("right_wrist", 1, 2.0), "side": ("right_wrist", 0, 1.0)}
+
+
+def data(per_class: int = 3, seed: int = 0) -> tuple[list, list[str]]:  # type: ignore[type-arg]
+    """Noisy gestures of different lengths and sizes."""
+    random = np.random.default_rng(seed)
+    poses, labels = [], []
+    for label, (joint, axis, cycles) in GESTURES.items():
+        for _ in range(per_class):
+            points = swing(joint, axis, cycles, int(random.integers(25, 50)), random.uniform(95, 130))
+            poses.append(pose(points + random.normal(0, 1, points.shape)))
+            labels.append(label)
+    return poses, labels
+
+
+@pytest.mark.parametrize("preset", ["paper", "modern"])
+def test_fit_predict_score(preset: str) -> None:
+    poses, labels = data()
+    queries, truth = data(2, seed=1)
+    model = GestureClassifier(preset).fit(poses, labels)
+    assert model.classes_.tolist() == sorted(GESTURES)
+    assert model.predict(queries).tolist() == truth
+    assert model.score(queries, truth) == 1.0
+
+
+def test_kneighbors_index_into_what_was_given_to_fit() -> None:
+    poses, labels = data()
+    model = GestureClassifier().fit(poses, labels)
+    distances, indices = model.kneighbors(poses, 2)
+    assert distances.shape == indices.shape == (9, 2)
+    np.testing.assert_array_equal(indices[:, 0], np.arange(9))
+    np.testing.assert_allclose(distances[:, 0], 0, atol=1e-6)
+    signals = model.signals(poses)
+    expected = warping_distances(signals, signals, model._settings().dtw)
+    np.testing.assert_allclose(model.distances(poses), expected)
+
+
+def test_representatives_keep_one_example_of_each_class() -> None:
+    poses, labels = data()
+    settings = load_settings("paper", environment={}).with_values([("classify.representative", True)])
+    model = GestureClassifier(settings).fit(poses, labels)
+    assert len(model.library_) == 3
+    assert [labels[i] for i in model.example_indices_] == list(model.library_.labels)
+    _, indices = model.kneighbors(poses[:1], 1)
+    assert indices[0, 0] in model.example_indices_
+
+
+def test_scikit_learn_takes_it_for_a_classifier() -> None:
+    poses, labels = data()
+    model = GestureClassifier("paper", n_neighbors=3, reject=5.0)
+    twin = clone(model)
+    assert twin is not model
+    assert twin.get_params() == model.get_params()
+    assert is_classifier(model)
+    scores = cross_val_score(GestureClassifier(), poses, labels, cv=3)
+    assert scores.tolist() == [1, 1, 1]
+    search = GridSearchCV(GestureClassifier(), {"n_neighbors": [1, 2]}, cv=3).fit(poses, labels)
+    assert search.best_score_ == 1.0
+
+
+def test_unknown_parameters_are_refused() -> None:
+    with pytest.raises(ConfigError):
+        GestureClassifier().set_params(neighbours=3)
+    with pytest.raises(ConfigError):
+        GestureClassifier(reject="sometimes").fit(*data(2))
+
+
+def test_it_works_without_scikit_learn() -> None:
+    code = (
+        "import sys; sys.modules['sklearn'] = None\n"
+        "import numpy as np; from gesture_core import GestureClassifier\n"
+        "up, down = np.linspace(0, 1, 20)[:, None], np.linspace(1, 0, 25)[:, None]\n"
+        "m = GestureClassifier(kernel='numpy').fit([up, down], ['up', 'down'])\n"
+        "print(m.predict([up[::2], down[::3]]).tolist(), m)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("['up', 'down'] GestureClassifier(preset='paper'")
+
+
+def test_arrays_are_compared_as_they_are_and_labels_keep_their_type() -> None:
+    random = np.random.default_rng(3)
+    series = [random.normal(size=(n, 2)) for n in (5, 9, 1, 7)]
+    model = GestureClassifier(kernel="numpy").fit(series, [10, 20, 10, 30])
+    assert model.predict(series).tolist() == [10, 20, 10, 30]
+    assert model.predict(series).dtype.kind == "i"
+    assert model.predictions(series)[1].label == "20"
+
+
+def test_a_bad_query_gets_its_own_row_and_predict_names_it() -> None:
+    poses, labels = data()
+    still = pose(swing("right_wrist", 1, 0.0, 30, 0))
+    model = GestureClassifier().fit(poses, labels)
+    rows = model.predictions([poses[0], still, poses[4]])
+    assert [row.label for row in rows] == ["up", None, "twice"]
+    assert (rows[1].status, rows[1].code) == ("error", "E_NO_SALIENT")
+    with pytest.raises(Exception, match="E_NO_SALIENT"):
+        model.predict([still])
+
+
+def test_rejection_by_distance_and_by_calibration() -> None:
+    poses, labels = data(4)
+    strange = pose(swing("left_ankle", 0, 3.0, 40, 200))
+    loose = GestureClassifier("modern").fit(poses, labels)
+    assert loose.predictions([strange])[0].status == "ok"
+    for reject in (1e-9, "calibrated"):
+        model = GestureClassifier("modern", reject=reject).fit(poses, labels)
+        (row,) = model.predictions([strange])
+        assert (row.label, row.status, row.code) == (None, "rejected", "E_REJECTED")
+        assert model.predict([strange]).tolist() == [None]
+    queries, truth = data(2, seed=5)
+    assert GestureClassifier("modern", reject="calibrated").fit(poses, labels).score(queries, truth) > 0.6
+
+
+def test_before_fit_and_with_uneven_lists() -> None:
+    with pytest.raises(InputError, match="fit"):
+        GestureClassifier().predict([np.zeros((3, 1))])
+    with pytest.raises(InputError, match="E_EXAMPLES"):
+        GestureClassifier().fit([np.zeros((3, 1))], [])
+
+
+def with_classify(**values: object) -> Settings:
+    settings = load_settings("modern", environment={})
+    return replace(settings, classify=replace(settings.classify, **values))  # type: ignore[arg-type]
+
+
+def test_mirrored_examples_cost_their_factor() -> None:
+    right, left = pose(swing("right_wrist")), pose(swing("left_wrist"))
+    off, on = with_classify(mirror=None), with_classify(mirror=1.5)
+    a, b = GestureClassifier(off).signals([right, left])
+    plain = compare([a], [b], off)[0, 0]
+    assert plain > 0.01
+    np.testing.assert_allclose(compare([a], [b], on), 0, atol=1e-6)
+    bent = GestureClassifier(off).signals([pose(swing("left_wrist", size=60))])[0]
+    mirrored_pair = GestureClassifier(off).signals([pose(swing("right_wrist", size=60))])[0]
+    reached = compare([a], [mirrored_pair], off)[0, 0]
+    np.testing.assert_allclose(compare([a], [bent], on)[0, 0], 1.5 * reached, rtol=1e-4)
+
+
+def test_a_distance_on_half_of_the_channels_counts_double() -> None:
+    whole = Signals(np.zeros((4, 2)), np.arange(4), ("right_wrist_x", "left_wrist_x"))
+    half = Signals(np.ones((4, 2)), np.arange(4), whole.channels, present=np.array([True, False]))
+    assert common_share([whole], [half]).tolist() == [[0.5]]
+    on, off = with_classify(coverage=True, mirror=None), with_classify(coverage=False, mirror=None)
+    assert compare([whole], [half], on)[0, 0] == 2 * compare([whole], [half], off)[0, 0]
+    other = replace(whole, present=np.array([False, True]))
+    assert compare([other], [half], on)[0, 0] == np.inf

@@ -1,0 +1,163 @@
+"""Protocols, intervals and nested choices; the paper's own numbers where its data are at hand."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binomtest
+from swings import pose, swing
+
+from gesture_core.classify.evaluation import Labelled, answer, choose_nested, compare_all, evaluate, wilson
+from gesture_core.classify.protocols import folds
+from gesture_core.errors import ConfigError, InputError, PoseError
+from gesture_core.settings import load_settings
+
+PAPER = load_settings("paper", environment={})
+
+
+def archive(broken: bool = False) -> Labelled:
+    """Two gestures, three subjects, two trials each."""
+    poses, labels, subjects, names = [], [], [], []
+    random = np.random.default_rng(0)
+    for subject in "ABC":
+        for label, axis in (("up", 1), ("side", 0)):
+            for trial in range(2):
+                points = swing(
+                    "right_wrist", axis, 1.0, int(random.integers(25, 45)), random.uniform(80, 100)
+                )
+                poses.append(pose(points))
+                labels.append(label)
+                subjects.append(subject)
+                names.append(f"{label}_{subject}_{trial}")
+    if broken:
+        poses[0] = PoseError("nobody", code="E_POSE_SPARSE")  # type: ignore[call-overload]
+    return Labelled(poses, labels, subjects, names)
+
+
+def test_leave_one_subject_out_tests_everybody_once() -> None:
+    found = evaluate(archive(), "leave-one-subject-out", PAPER)
+    assert len(found.answers) == 12
+    assert found.accuracy == 1.0
+    assert set(found.by_fold) == {"A", "B", "C"}
+    columns, counts = found.confusion()
+    assert columns == ["side", "up"]
+    assert counts.tolist() == [[6, 0], [0, 6]]
+
+
+def test_an_unusable_input_counts_as_not_recognised_in_every_protocol() -> None:
+    for protocol, tested, missed in (
+        ("leave-one-subject-out", 12, 1),
+        ("leave-one-out", 12, 1),
+        ("donor", 24, 2),
+    ):
+        found = evaluate(archive(broken=True), protocol, PAPER)
+        assert len(found.answers) == tested
+        assert sum(a.code == "E_POSE_SPARSE" for a in found.answers) == missed
+        assert found.accuracy == pytest.approx(1 - missed / tested)
+        assert found.confusion()[0][-1] == "(none)"
+
+
+def test_a_fold_never_sees_the_subject_that_it_tests() -> None:
+    random = np.random.default_rng(1)
+    codes, who = np.repeat([0, 1], 6), np.array(list("AABBCC" * 2))
+    within = random.random((12, 12))
+    for protocol in ("leave-one-subject-out", "donor"):
+        for fold in folds(protocol, codes, who.tolist(), within):
+            assert not set(who[fold.train]) & set(who[fold.test])
+            if protocol == "donor":
+                assert sorted(codes[fold.train]) == [0, 1]
+
+
+def test_the_split_is_as_asked_for() -> None:
+    data = archive()
+    train = [subject == "A" for subject in data.subjects]
+    found = evaluate(replace(data, train=train), "split", PAPER)
+    assert {a.subject for a in found.answers} == {"B", "C"}
+    with pytest.raises(ConfigError, match="E_SPLIT"):
+        evaluate(data, "split", PAPER)
+
+
+def test_protocols_that_do_not_fit() -> None:
+    data = archive()
+    alone = replace(data, subjects=[""] * 12)
+    with pytest.raises(ConfigError, match="E_SUBJECTS"):
+        evaluate(alone, "leave-one-subject-out", PAPER)
+    with pytest.raises(ConfigError, match="one of"):
+        evaluate(data, "bootstrap", PAPER)
+    with pytest.raises(InputError, match="E_EMPTY"):
+        evaluate(Labelled([PoseError("nobody")], ["a"], ["A"], ["x"]), "leave-one-out", PAPER)
+
+
+def test_rejection_trades_coverage_for_accuracy() -> None:
+    found = evaluate(archive(), "leave-one-subject-out", PAPER)
+    curve = found.rejection_curve()
+    coverages = [coverage for _, coverage, _ in curve]
+    assert coverages == sorted(coverages, reverse=True)
+    assert coverages[0] == 1.0
+    strict = PAPER.with_values([("classify.reject", 1e-9)])
+    none = evaluate(archive(), "leave-one-subject-out", strict)
+    assert none.accuracy == 0
+    assert {a.code for a in none.answers} == {"E_REJECTED"}
+
+
+def test_the_nested_choice_takes_what_is_best_among_the_others() -> None:
+    data = archive()
+    blind = compare_all(data, PAPER)
+    blind = replace(blind, within=np.ones_like(blind.within))
+    good = compare_all(data, PAPER)
+    found, choices = choose_nested([blind, good])
+    assert choices == {"A": 1, "B": 1, "C": 1}
+    assert found.accuracy == 1.0
+    assert len(good.without("A").usable) == 8
+    assert answer(good.without("A"), "leave-one-subject-out").accuracy == 1.0
+
+
+@given(st.integers(1, 300), st.data())
+def test_interval_is_wilsons(total: int, data: st.DataObject) -> None:
+    right = data.draw(st.integers(0, total))
+    expected = binomtest(right, total).proportion_ci(0.95, method="wilson")
+    np.testing.assert_allclose(wilson(right, total), (expected.low, expected.high), atol=1e-4)
+
+
+def _benchmark(name: str) -> ModuleType:
+    folder = Path(__file__).resolve().parents[2] / "benchmarks"
+    sys.path.insert(0, str(folder))
+    try:
+        spec = importlib.util.spec_from_file_location(f"benchmark_{name}", folder / f"{name}.py")
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[module.__name__] = module  # dataclasses look their module up
+        spec.loader.exec_module(module)
+        return module
+    finally:
+        sys.path.remove(str(folder))
+
+
+def test_the_papers_table_at_its_own_threshold(shared: Path) -> None:
+    paper = _benchmark("paper")
+    items = {item.name: item for item in paper.utd_openpose(shared.parent)}
+    examples = [items[name] for name in paper.PAPER_EXAMPLES]
+    queries = [item for item in items.values() if item.subject != "s1"]
+    script = paper.script_predictions(queries, examples, 0.10, "auto")
+    choice = paper.authors_choice(shared.parent)
+    assert [choice[q.name] for q in queries] == script
+    assert paper.correct(queries, script) == 130
+    text = paper.preset_predictions(queries, examples, paper.at(PAPER, 0.10, "auto"))
+    assert paper.correct(queries, text) == 129
+
+
+def test_modern_recognises_the_published_keypoints(shared: Path) -> None:
+    data = _benchmark("evaluate")
+    settings = load_settings("modern", environment={})
+    items = data.utd_openpose(shared.parent)
+    compared = compare_all(data.labelled(items, settings), settings)
+    assert answer(compared, "leave-one-subject-out").accuracy >= 190 / 192
+    assert answer(compared, "donor").accuracy >= 0.90

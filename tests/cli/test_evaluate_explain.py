@@ -1,0 +1,123 @@
+"""`gesture evaluate` and `gesture explain` from end to end on keypoint files."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gesture_core.cli.main import run
+
+_LENGTHS = {"A": 30, "B": 36, "C": 42}
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """<label>/<label>_<subject>.npy of three gestures by three subjects."""
+    import sys
+
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "classify"))
+    from swings import swing
+
+    folder = tmp_path_factory.mktemp("archive")
+    for label, (joint, axis) in {
+        "up": ("right_wrist", 1),
+        "side": ("right_wrist", 0),
+        "knee": ("left_knee", 1),
+    }.items():
+        for subject, frames in _LENGTHS.items():
+            points = swing(joint, axis, 1.0, frames)
+            stacked = np.concatenate([points + 300, np.ones((*points.shape[:2], 1))], axis=2)
+            (folder / label).mkdir(exist_ok=True)
+            np.save(folder / label / f"{label}_{subject}.npy", stacked)
+    return folder
+
+
+def test_evaluate_prints_and_saves_everything(
+    archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["evaluate", str(archive), "--subjects", "_([A-Z])", "--out", str(tmp_path)]
+    assert run([*arguments, "--preset", "paper", "--grid", "t_var=0.01,0.05"]) == 0
+    said = capsys.readouterr().out
+    assert "leave-one-subject-out: 9 of 9 right, 100.0%" in said
+    assert "chosen inside the training subjects of each fold" in said
+    assert "recall" in said and "coverage" in said and "t_var" in said
+    tree = json.loads((tmp_path / "evaluation.json").read_text())
+    assert (tree["right"], tree["tested"], tree["accuracy"]) == (9, 9, 1.0)
+    assert tree["confusion"]["counts"] == [[3, 0, 0], [0, 3, 0], [0, 0, 3]]
+    assert len(tree["fingerprint"]) == 16
+    rows = list(csv.DictReader((tmp_path / "answers.csv").open()))
+    assert len(rows) == 9
+    assert {row["predicted"] for row in rows} == {"up", "side", "knee"}
+    for name in ("confusion.png", "rejection.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_evaluate_takes_labels_and_subjects_from_one_expression(
+    archive: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    labels = "(?P<label>[a-z]+)_(?P<subject>[A-Z])"
+    assert (
+        run(["evaluate", str(archive), "--labels", labels, "--preset", "modern", "--protocol", "donor"]) == 0
+    )
+    assert "donor: 18 of 18 right" in capsys.readouterr().out
+
+
+def test_the_same_evaluation_has_the_same_fingerprint(archive: Path, tmp_path: Path) -> None:
+    marks = []
+    for index, extra in enumerate(([], [], ["--set", "gaussian.sigma=2"])):
+        out = tmp_path / str(index)
+        arguments = ["evaluate", str(archive), "--protocol", "leave-one-out", "--preset", "paper"]
+        assert run([*arguments, "--set", "t_var=0.02", "--out", str(out), *extra]) == 0
+        marks.append(json.loads((out / "evaluation.json").read_text())["fingerprint"])
+    assert marks[0] == marks[1] != marks[2]
+
+
+@pytest.mark.parametrize(
+    ("extra", "code", "word"),
+    [
+        (["--protocol", "leave-one-subject-out"], 2, "E_SUBJECTS"),
+        (["--subjects", "x(y)"], 2, "no subject for"),
+        (["--subjects", "(("], 2, "no regular expression"),
+        (["--protocol", "split"], 2, "E_SPLIT"),
+        (["--protocol", "dice"], 2, "one of leave-one-subject-out"),
+        (["--grid", "t_var"], 2, "t_var=0.05,0.10"),
+        (["--grid", "pose.height=256,368"], 2, "extracted once"),
+    ],
+)
+def test_evaluate_refuses_with_a_remedy(
+    archive: Path, extra: list[str], code: int, word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["evaluate", str(archive), *extra]) == code
+    assert word in capsys.readouterr().err
+
+
+def test_explain_says_why(archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "run"
+    queries = [str(path) for path in sorted(archive.glob("*/*_C.npy"))]
+    examples = tmp_path / "examples"
+    for path in archive.glob("*/*_A.npy"):
+        (examples / path.parent.name).mkdir(parents=True)
+        (examples / path.parent.name / path.name).write_bytes(path.read_bytes())
+    chosen = ["--preset", "paper", "--set", "t_var=0.02"]
+    assert (
+        run(["classify", *queries, "--examples", str(examples), "--out", str(out), *chosen, "--quiet"]) == 0
+    )
+    capsys.readouterr()
+    assert run(["explain", str(out), "up_C.npy"]) == 0
+    said = capsys.readouterr()
+    assert "up (ok)" in said.out
+    assert "nearest    up" in said.out
+    assert "right_wrist_y" in said.out
+    plot = out / "explain-up_C.npy.png"
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert str(plot) in said.err
+    assert run(["explain", str(out), "nobody.npy"]) == 2
+    assert "E_NOT_FOUND" in capsys.readouterr().err
+    assert run(["explain", str(tmp_path), "up_C.npy"]) == 2
+    (examples / "up" / "up_A.npy").write_bytes((archive / "up" / "up_B.npy").read_bytes())
+    assert run(["explain", str(out), "up_C.npy"]) == 1
+    assert "has changed since the run" in capsys.readouterr().err
