@@ -27,9 +27,11 @@ class FastDtwKernel(LaneKernel):
 
     radius: int = 1
 
+    exact = False
+
     def __post_init__(self) -> None:
-        if self.radius < 0:
-            raise ConfigError(f"radius = {self.radius}", remedy="0, 1, 2 …", code="E_OPTION")
+        if self.radius < 1:
+            raise ConfigError(f"radius = {self.radius}", remedy="1, 2, 3 …", code="E_OPTION")
 
     def supports(self, spec: DtwSpec) -> bool:
         """Hard warping without a band of its own."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def soft_gradients(
     return SoftGradients(values, _split(of_queries, query_batch), _split(of_examples, example_batch))
 
 
-def _choose(kernel: str, spec: DtwSpec) -> tuple[str, object]:
+def _choose(kernel: str, spec: DtwSpec) -> tuple[str, Any]:
     name, chosen = choose_kernel(kernel, spec)
     if hasattr(chosen, "gradients"):
         return name, chosen

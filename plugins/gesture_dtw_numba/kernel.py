@@ -151,7 +151,7 @@ class GradientLanes(LaneKernel):
         room = make_gradient_room(x, y)
         rule = (lanes.cost != "absolute", lanes.cost == "euclidean")
         compiled_gradients()(x, y, n, m, low, high, gamma, *rule, room)
-        return tuple(part[..., : len(lanes)] for part in room[:3])  # type: ignore[return-value]
+        return tuple(part[..., : len(lanes)] for part in room[:3])
 
 
 def _widen(array: np.ndarray, fill: int) -> np.ndarray:

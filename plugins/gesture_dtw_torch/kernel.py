@@ -51,13 +51,16 @@ class TorchKernel(LaneKernel):
         x.requires_grad_(), y.requires_grad_()
         values = SoftLanes.apply(x, y, *rest, self._tensor(lanes.gamma), lanes.cost)
         slopes = torch.autograd.grad(values.sum(), (x, y))
-        return tuple(part.detach().cpu().numpy() for part in (values, *slopes))  # type: ignore[return-value]
+        return tuple(part.detach().cpu().numpy() for part in (values, *slopes))
 
-    def _tensors(self, lanes: Lanes) -> tuple[torch.Tensor, ...]:
+    def _tensors(
+        self, lanes: Lanes
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, Band | None]:
         band = None
         if lanes.low is not None and lanes.high is not None:
             band = Band(self._tensor(lanes.low), self._tensor(lanes.high))
-        return *(self._tensor(array) for array in (lanes.x, lanes.y, lanes.n, lanes.m)), band
+        x, y = self._tensor(lanes.x), self._tensor(lanes.y)
+        return x, y, self._tensor(lanes.n), self._tensor(lanes.m), band
 
     def _tensor(self, array: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(np.ascontiguousarray(array)).to(self.device)

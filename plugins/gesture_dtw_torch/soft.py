@@ -44,7 +44,7 @@ class SoftLanes(torch.autograd.Function):
         return values
 
     @staticmethod
-    def backward(context: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
+    def backward(context: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
         """Gradients with respect to x and y."""
         x, y, n, m, gamma, table = context.saved_tensors
         rows, columns, lanes = len(x), len(y), x.shape[2]

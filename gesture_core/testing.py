@@ -1,0 +1,264 @@
+"""The conformance suite that authors of distance kernels run.
+
+>>> import pytest
+>>> from gesture_core.testing import KERNEL_CHECKS
+>>> @pytest.mark.parametrize("check", KERNEL_CHECKS)
+... def test_my_kernel(check):
+...     check(MyKernel())
+
+Every check takes a kernel and raises `AssertionError` where it breaks its contract. What a kernel
+does not support is left out. A kernel with the attribute ``exact = False`` is an approximation and
+is not held to the reference. The package's own tests run the suite over every registered kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from gesture_core.dtw import reference
+from gesture_core.dtw.bands import is_feasible
+from gesture_core.dtw.lanes import used_dimensions
+from gesture_core.dtw.pairs import subset
+from gesture_core.dtw.spec import BandMask, DtwSpec
+from gesture_core.plugin.kinds import DistanceKernel
+from gesture_core.types import SignalBatch
+
+TOLERANCE = {np.dtype(np.float32): (1e-5, 1e-6), np.dtype(np.float64): (1e-10, 1e-10)}
+"""Relative and absolute, against the float64 reference."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """Queries, examples and a specification."""
+
+    queries: SignalBatch
+    examples: SignalBatch
+    spec: DtwSpec
+
+
+def draw_batch(
+    rng: np.random.Generator,
+    count: int,
+    longest: int,
+    width: int,
+    dtype: type = np.float64,
+    masked: bool = True,
+) -> SignalBatch:
+    """Random walks and noise of 1 to ``longest`` frames; ``masked`` draws masks and missing channels."""
+    lengths = rng.integers(1, longest + 1, count)
+    lengths[: min(2, count)] = (longest, 1)[: min(2, count)]
+    values = np.zeros((count, longest, width))
+    for index, length in enumerate(lengths):
+        noise = rng.normal(size=(length, width))
+        values[index, :length] = noise if index % 2 else np.cumsum(noise, axis=0) / 4
+    masks = rng.random((count, width)) < 0.5 if masked else np.ones((count, width), bool)
+    present = rng.random((count, width)) < 0.9 if masked else np.ones((count, width), bool)
+    values = np.where(present[:, None, :], values, 0).astype(dtype)
+    return SignalBatch(values, lengths.astype(np.int64), masks, present)
+
+
+@cache
+def _accumulate() -> Callable[..., np.ndarray]:
+    """The reference's loops, compiled where a compiler of Python loops is installed."""
+    try:
+        from numba import njit
+    except ImportError:
+        return reference.accumulate
+    return njit(reference.accumulate)
+
+
+def reference_table(case: Case) -> np.ndarray:
+    """(Q, N) float64 distances by the reference; NaN where the band leaves no path."""
+    slow, reference.accumulate = reference.accumulate, _accumulate()
+    try:
+        return _reference_table(case)
+    finally:
+        reference.accumulate = slow
+
+
+def _reference_table(case: Case) -> np.ndarray:
+    queries, examples, spec = case.queries, case.examples, case.spec
+    every = np.arange(len(examples))
+    out = np.full((len(queries), len(examples)), np.nan)
+    for i, n in enumerate(queries.lengths.tolist()):
+        use = used_dimensions(queries, examples, np.full(len(every), i), every)
+        for j, m in enumerate(examples.lengths.tolist()):
+            if is_feasible(n, m, spec):
+                x, y = queries.values[i, :n], examples.values[j, :m]
+                out[i, j] = reference.reference_distance(x, y, spec, use[j])
+    return out
+
+
+def compare(kernel: DistanceKernel, case: Case, expected: np.ndarray | None = None) -> int:
+    """Hold a kernel to the reference; returns how many pairs were compared.
+
+    Pairs without a path in the band are compared with nothing, and are not passed to the kernel
+    together with others: the caller of a kernel has refused them before.
+    """
+    if not kernel.supports(case.spec):
+        return 0
+    expected = reference_table(case) if expected is None else expected
+    relative, absolute = TOLERANCE[case.queries.values.dtype]
+    # Soft minima of many cells add up rounding in units of gamma.
+    absolute += relative * (case.spec.gamma or 0) * case.queries.values.shape[1]
+    compared = 0
+    for rows, columns in _feasible_blocks(expected):
+        chosen = subset(case.queries, rows), subset(case.examples, columns)
+        got = np.asarray(kernel.distances(kernel.prepare(chosen[1], case.spec), chosen[0]))
+        wanted = expected[np.ix_(rows, columns)]
+        assert got.shape == wanted.shape, f"shape {got.shape}, expected {wanted.shape}"
+        assert not np.isnan(got).any(), f"NaN under {case.spec}"
+        np.testing.assert_allclose(got, wanted, relative, absolute, err_msg=str(case.spec))
+        compared += got.size
+    return compared
+
+
+def _feasible_blocks(expected: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Rows and columns of blocks without NaN that together hold every number."""
+    patterns, group = np.unique(np.isnan(expected), axis=0, return_inverse=True)
+    for index, pattern in enumerate(patterns):
+        if not pattern.all():
+            yield np.flatnonzero(group.reshape(-1) == index), np.flatnonzero(~pattern)
+
+
+def specifications() -> Iterator[DtwSpec]:
+    """Specifications that between them use every choice."""
+    yield DtwSpec()
+    yield DtwSpec(cost="squared", root=True, reduce="sum")
+    yield DtwSpec(mode="dependent", cost="euclidean", length_norm=True)
+    yield DtwSpec(mode="dependent", cost="squared", weights=(0.5, 0.0, 2.0), window=0.3)
+    yield DtwSpec(cost="euclidean", weights=(1.0, 3.0, 0.25), window=4, reduce="sum")
+    yield DtwSpec(shape="itakura", max_slope=3.0)
+    yield DtwSpec(mask=BandMask.of(np.abs(np.subtract.outer(np.arange(9), np.arange(9))) < 4))
+    yield DtwSpec(mode="dependent", mask=BandMask.of(_ring(9)))
+    yield DtwSpec(gamma=1.0, cost="squared")
+    yield DtwSpec(gamma=1e-3, mode="dependent", reduce="sum")
+    yield DtwSpec(gamma=10.0, mode="dependent", cost="euclidean", window=0.5, length_norm=True)
+
+
+def _ring(size: int) -> np.ndarray:
+    """A band with a hole in its middle."""
+    distance = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
+    middle = np.zeros((size, size), bool)
+    middle[3:-3, 3:-3] = True
+    return (distance < 4) & ~middle
+
+
+def check_reference(kernel: DistanceKernel) -> None:
+    """Agrees with the float64 reference, in float64 and float32, under every choice of `DtwSpec`."""
+    if not getattr(kernel, "exact", True):
+        return
+    for seed, spec in enumerate(specifications()):
+        for dtype in (np.float64, np.float32):
+            rng = np.random.default_rng(seed)
+            case = Case(draw_batch(rng, 6, 17, 3, dtype), draw_batch(rng, 7, 21, 3, dtype), spec)
+            compare(kernel, case)
+
+
+def check_single_frames(kernel: DistanceKernel) -> None:
+    """Series of one frame cost what their frames differ by, to the last bit."""
+    values = np.array([[[0.25]], [[-1.5]], [[3.0]]])
+    every = np.ones((3, 1), bool)
+    batch = SignalBatch(values, np.ones(3, np.int64), every, every)
+    expected = np.abs(values[:, 0] - values[:, 0].T)
+    for mode in ("independent", "dependent"):
+        spec = DtwSpec(mode=mode)  # type: ignore[arg-type]
+        np.testing.assert_array_equal(kernel.distances(kernel.prepare(batch, spec), batch), expected)
+
+
+def check_nothing_in_common(kernel: DistanceKernel) -> None:
+    """A pair without a common dimension is infinitely far apart; other pairs do not notice."""
+    batch = draw_batch(np.random.default_rng(3), 4, 9, 2, masked=False)
+    other = SignalBatch(batch.values, batch.lengths, batch.masks, batch.present.copy())
+    other.present[1] = False
+    for mode in ("independent", "dependent"):
+        spec = DtwSpec(mode=mode)  # type: ignore[arg-type]
+        got = kernel.distances(kernel.prepare(other, spec), batch)
+        assert np.isinf(got[:, 1]).all() and np.isfinite(np.delete(got, 1, axis=1)).all()
+
+
+def check_bits(kernel: DistanceKernel) -> None:
+    """A pair has the same bits alone, in any order, among others, and with more padding."""
+    for spec in specifications():
+        if not kernel.supports(spec) or spec.window is not None or spec.mask is not None:
+            continue
+        if spec.shape == "itakura":
+            continue
+        for dtype in (np.float32, np.float64):
+            rng = np.random.default_rng(5)
+            queries, examples = draw_batch(rng, 5, 30, 3, dtype), draw_batch(rng, 70, 41, 3, dtype)
+            whole = kernel.distances(kernel.prepare(examples, spec), queries)
+            order = rng.permutation(70)
+            turned = kernel.distances(kernel.prepare(subset(examples, order), spec), queries)
+            np.testing.assert_array_equal(turned, whole[:, order], err_msg=f"order, {spec}")
+            one = kernel.distances(kernel.prepare(subset(examples, order[:1]), spec), subset(queries, [2]))
+            np.testing.assert_array_equal(one, whole[2:3, order[:1]], err_msg=f"alone, {spec}")
+            wide = SignalBatch(
+                np.pad(examples.values, ((0, 0), (0, 50), (0, 0))),
+                examples.lengths,
+                examples.masks,
+                examples.present,
+            )
+            padded = kernel.distances(kernel.prepare(wide, spec), queries)
+            np.testing.assert_array_equal(padded, whole, err_msg=f"padding, {spec}")
+
+
+def check_pairs(kernel: DistanceKernel) -> None:
+    """Where a kernel computes chosen pairs, they have the bits of the table."""
+    compute: Any = getattr(kernel, "pairs", None)
+    if compute is None:
+        return
+    rng = np.random.default_rng(8)
+    queries, examples = draw_batch(rng, 6, 25, 3), draw_batch(rng, 40, 25, 3)
+    for spec in (DtwSpec(), DtwSpec(mode="dependent", cost="euclidean")):
+        state = kernel.prepare(examples, spec)
+        whole = kernel.distances(state, queries)
+        qi, ei = rng.integers(0, 6, 100), rng.integers(0, 40, 100)
+        np.testing.assert_array_equal(compute(state, queries, qi, ei), whole[qi, ei], err_msg=str(spec))
+
+
+def check_gradients(kernel: DistanceKernel) -> None:
+    """Where a kernel computes soft gradients, they agree with finite differences of the reference."""
+    compute: Any = getattr(kernel, "gradients", None)
+    if compute is None or not getattr(kernel, "exact", True):
+        return
+    step = 1e-5
+    for mode, cost in (("independent", "squared"), ("dependent", "euclidean"), ("dependent", "absolute")):
+        spec = DtwSpec(mode=mode, cost=cost, gamma=0.5, window=0.8, weights=(1.0, 2.0))  # type: ignore[arg-type]
+        rng = np.random.default_rng(2)
+        queries, examples = (_of_lengths(rng, lengths) for lengths in ((5, 6), (6, 4, 5)))
+        weights = rng.normal(size=(2, 3))
+        _, *slopes = compute(kernel.prepare(examples, spec), queries, weights)
+        for batch, slope in zip((queries, examples), slopes, strict=True):
+            for index in [(0, 0, 0), (1, 3, 1), (1, 2, 0), (0, 4, 1)]:
+                sums = []
+                for sign in (1, -1):
+                    batch.values[index] += sign * step
+                    sums.append((reference_table(Case(queries, examples, spec)) * weights).sum())
+                    batch.values[index] -= sign * step
+                numeric = (sums[0] - sums[1]) / (2 * step)
+                assert abs(slope[index] - numeric) < 1e-6, f"{spec}: {slope[index]}, expected {numeric}"
+
+
+def _of_lengths(rng: np.random.Generator, lengths: tuple[int, ...]) -> SignalBatch:
+    every = np.ones((len(lengths), 2), bool)
+    values = rng.normal(size=(len(lengths), max(lengths), 2))
+    beyond = np.arange(max(lengths))[None, :] >= np.array(lengths)[:, None]
+    values[beyond] = 0
+    return SignalBatch(values, np.array(lengths), every, every)
+
+
+KERNEL_CHECKS: tuple[Callable[[DistanceKernel], None], ...] = (
+    check_reference,
+    check_single_frames,
+    check_nothing_in_common,
+    check_bits,
+    check_pairs,
+    check_gradients,
+)
+"""The conformance suite; each takes a kernel and raises `AssertionError`."""

@@ -1,0 +1,123 @@
+"""Every exact kernel against the reference over ten thousand drawn pairs, and the choice among them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gesture_core.dtw.distances import choose_kernel, warping_distances
+from gesture_core.dtw.spec import DtwSpec
+from gesture_core.errors import InputError, PluginError, WarpingError
+from gesture_core.plugin import registry
+from gesture_core.testing import Case, compare, draw_batch, reference_table
+
+KERNELS = [
+    name
+    for name in registry().names("kernel", usable=True)
+    if getattr(registry().load("kernel", name), "exact", True)
+]
+SIZES = ((300, 1, 9), (90, 3, 20), (24, 36, 24), (40, 6, 26))
+"""Longest series, dimensions, and series on each side of an example."""
+EXAMPLES = 28
+
+
+@st.composite
+def cases(draw: st.DrawFn) -> Case:
+    longest, width, count = draw(st.sampled_from(SIZES))
+    band = draw(
+        st.sampled_from(
+            [{}, {}, {"window": 0.2}, {"window": 0.5}, {"window": 12}, {"shape": "itakura", "max_slope": 2.5}]
+        )
+    )
+    gamma = draw(st.sampled_from([None, None, 1e-3, 0.1, 1.0, 10.0]))
+    spec = DtwSpec(
+        mode=draw(st.sampled_from(["independent", "dependent"])),
+        cost=draw(st.sampled_from(["absolute", "squared", "euclidean"])),
+        reduce=draw(st.sampled_from(["sum", "mean"])),
+        root=gamma is None and draw(st.booleans()),
+        length_norm=draw(st.booleans()),
+        gamma=gamma,
+        **band,
+    )
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    dtype = draw(st.sampled_from([np.float32, np.float64]))
+    queries, examples = (draw_batch(rng, count, longest, width, dtype) for _ in range(2))
+    return Case(queries, examples, spec)
+
+
+def test_every_kernel_agrees_with_the_reference_on_ten_thousand_pairs() -> None:
+    compared: Counter[str] = Counter()
+
+    @settings(max_examples=EXAMPLES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @given(cases())
+    def agree(case: Case) -> None:
+        expected = reference_table(case)
+        for name in KERNELS:
+            compared[name] += compare(registry().make("kernel", name), case, expected)
+
+    agree()
+    assert set(compared) == set(KERNELS)
+    assert min(compared.values()) >= 10_000, compared
+
+
+def test_auto_takes_the_fastest_that_supports_the_specification() -> None:
+    name, _ = choose_kernel("auto", DtwSpec())
+    assert name in registry().names("kernel", usable=True)
+    assert name != "fastdtw"
+    holes = np.ones((5, 5), bool)
+    holes[2, 1:4] = False
+    assert choose_kernel("auto", DtwSpec(mask=holes))[0] == "numpy"
+    with pytest.raises(PluginError, match="does not compute"):
+        choose_kernel("jax", DtwSpec(mask=holes))
+    with pytest.raises(PluginError, match="did you mean 'numpy'"):
+        choose_kernel("nunpy", DtwSpec())
+
+
+@pytest.mark.parametrize(
+    ("queries", "message"),
+    [
+        ([np.zeros((3, 2)), np.array([[0, 1], [np.nan, 0]])], "query 1 holds NaN or infinity at frame 1"),
+        ([np.array([[np.inf, 0.0]])], "query 0 holds NaN or infinity at frame 0"),
+        ([np.zeros((0, 2))], "query 0 has shape"),
+        ([], "no query"),
+        ([np.zeros((3, 3))], "queries have 3 dimensions, examples 2"),
+        ([np.full((3, 2), 1e10, np.float32)], "query 0 reaches 1e\\+10"),
+    ],
+)
+def test_wrong_input_is_refused_at_the_boundary(queries: list[np.ndarray], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        warping_distances(queries, [np.zeros((4, 2), np.float32)])
+
+
+def test_an_infeasible_band_names_the_pair() -> None:
+    queries, examples = [np.zeros(5), np.zeros(30)], [np.zeros(30), np.zeros(30)]
+    with pytest.raises(WarpingError, match=r"query 0 \(5 frames\) and example 0 \(30 frames\)"):
+        warping_distances(queries, examples, DtwSpec(window=0))
+
+
+def test_precision_follows_the_series() -> None:
+    single, double = [np.zeros((3, 1), np.float32)], [np.zeros((3, 1))]
+    assert warping_distances(single, single).dtype == np.float32
+    assert warping_distances(single, double).dtype == np.float64
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="folder permissions")
+def test_compiled_code_runs_where_no_folder_can_be_written(tmp_path: Path) -> None:
+    pytest.importorskip("numba")
+    code = (
+        "import numba.core.caching as c\n"
+        "c._CacheImpl.__init__ = lambda *a: (_ for _ in ()).throw(RuntimeError('no locator available'))\n"
+        "import numpy as np; from gesture_core import warping_distances\n"
+        "print(warping_distances([np.zeros(3)], [np.ones(3)], kernel='numba')[0, 0])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert done.stdout.strip() == "3.0", done.stderr

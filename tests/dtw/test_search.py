@@ -1,0 +1,74 @@
+"""Exact search finds what brute force finds, with fewer cells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gesture_core.dtw.distances import warping_distances
+from gesture_core.dtw.search import nearest, search
+from gesture_core.dtw.spec import DtwSpec
+from gesture_core.errors import ConfigError
+from gesture_core.types import Signals
+
+
+def walks(rng: np.random.Generator, count: int, width: int, longest: int = 40) -> list[np.ndarray]:
+    lengths = rng.integers(longest // 2, longest + 1, count)
+    return [np.cumsum(rng.integers(-2, 3, (n, width)), axis=0).astype(np.float32) for n in lengths]
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from(["independent", "dependent"]),
+    st.sampled_from(["absolute", "squared", "euclidean"]),
+    st.sampled_from(["sum", "mean"]),
+    st.booleans(),
+    st.booleans(),
+    st.sampled_from([{}, {"window": 0.15}, {"window": 6}, {"shape": "itakura"}]),
+    st.integers(1, 5),
+)
+def test_search_is_brute_force(seed, mode, cost, reduce, root, norm, band, k) -> None:  # type: ignore[no-untyped-def]
+    rng = np.random.default_rng(seed)
+    spec = DtwSpec(mode=mode, cost=cost, reduce=reduce, root=root, length_norm=norm, **band)
+    queries, examples = walks(rng, 6, 2), walks(rng, 60, 2)
+    examples[7] = examples[31]  # a tie, which the lower index wins
+    queries[2] = examples[31]
+    table = warping_distances(queries, examples, spec)
+    order = np.argsort(table, axis=1, kind="stable")[:, :k]
+    found = search(queries, examples, spec, k)
+    np.testing.assert_array_equal(found.neighbors.indices, order)
+    np.testing.assert_array_equal(found.neighbors.distances, np.take_along_axis(table, order, axis=1))
+    assert 0 < found.share <= 1
+
+
+def test_search_with_masks_and_pairs_without_a_common_channel() -> None:
+    rng = np.random.default_rng(1)
+    names = ("a", "b", "c")
+
+    def signals(count: int) -> list[Signals]:
+        return [
+            Signals(w, np.arange(len(w)), names, rng.random(3) < 0.5, rng.random(3) < 0.6)
+            for w in walks(rng, count, 3)
+        ]
+
+    queries, examples = signals(12), signals(80)
+    spec = DtwSpec(window=0.2)
+    table = warping_distances(queries, examples, spec)
+    assert np.isinf(table).any()
+    found = nearest(queries, examples, spec, k=3)
+    order = np.argsort(table, axis=1, kind="stable")[:, :3]
+    np.testing.assert_array_equal(found.indices, order)
+
+
+def test_bounds_save_cells_under_a_band() -> None:
+    rng = np.random.default_rng(2)
+    found = search(walks(rng, 20, 1, 80), walks(rng, 400, 1, 80), DtwSpec(window=0.1))
+    assert found.share < 0.3
+
+
+def test_wrong_k_is_refused() -> None:
+    with pytest.raises(ConfigError, match="k = 3 of 2"):
+        nearest([np.zeros(3)], [np.zeros(3), np.ones(3)], k=3)
