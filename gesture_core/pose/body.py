@@ -10,19 +10,22 @@ from gesture_core.plugin.kinds import Person
 from gesture_core.skeletons import Skeleton
 
 # Proportions of an adult in torso lengths (shoulders to hips), after Drillis and Contini 1964:
-# a raised hand ends 1.5 above the shoulders, the feet 2.8 below them; the shoulders are 0.75 wide.
+# a raised hand ends 1.5 above the shoulders, the feet 2.8 below them; the shoulders are 0.75 wide. How far a joint may lie from the middle of the
+# shoulders has some room on top, because the torso is judged by two or four joints.
 ABOVE, BELOW = 1.5, 2.8
+_FARTHEST = {"nose": 1.0, "head_top": 1.3, "neck": 0.5, "elbow": 1.2, "wrist": 2.0, "hip": 1.6}
 REACH = ABOVE + BELOW
 SHOULDERS = 0.75
 
 
 @dataclass(frozen=True)
 class Body:
-    """Where a body is: the middle of all that it can reach, and its torso length, in pixels."""
+    """Where a body is, in pixels: the middle of all that it can reach, its torso length, its shoulders."""
 
     x: float
     y: float
     torso: float
+    shoulders: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,8 @@ class Window:
         right = int(np.clip(round(body.x + half), left + least, wide))
         bottom = int(np.clip(round(body.y + half), top + least, high))
         # Even sides are halved exactly, and so fast, where the view is scaled down.
-        return cls(left, top, right - (right - left) % 2, bottom - (bottom - top) % 2)
+        right, bottom = right - (right - left) % 2, bottom - (bottom - top) % 2
+        return cls(left, top, max(right, left + 1), max(bottom, top + 1))
 
     @classmethod
     def whole(cls, frame_size: tuple[int, int]) -> Window:
@@ -76,12 +80,23 @@ class Anatomy:
     def __init__(self, skeleton: Skeleton) -> None:
         self._shoulders = [skeleton.index("right_shoulder"), skeleton.index("left_shoulder")]
         self._hips = [skeleton.index("right_hip"), skeleton.index("left_hip")]
-        names = ("nose", "head_top", "neck", "shoulder", "elbow", "wrist", "hip")
-        self._upper = [i for i, joint in enumerate(skeleton.joints) if joint.endswith(names)]
+        parts = [joint.removeprefix("left_").removeprefix("right_") for joint in skeleton.joints]
+        reach = {**_FARTHEST, "shoulder": np.inf}
+        self._upper = [i for i, part in enumerate(parts) if part in reach]
+        self._reach = np.array([reach[parts[i]] for i in self._upper])
 
     def confidence(self, person: Person | None) -> float:
-        """Mean score of head, arms and hips, 0 for nobody."""
-        return 0.0 if person is None else float(person.scores[self._upper].mean())
+        """Mean score of head, arms and hips, 0 for nobody.
+
+        Joints that no body of this size could reach do not count: some networks are as sure of a
+        wrist on the far wall as of one on an arm.
+        """
+        body = self.body(person)
+        if person is None or body is None:
+            return 0.0
+        scores = person.scores[self._upper]
+        away = np.linalg.norm(person.keypoints[self._upper] - body.shoulders, axis=1) / body.torso
+        return float(np.where(away <= self._reach, scores, 0).mean())
 
     def body(self, person: Person | None) -> Body | None:
         """The body of a person, None where no shoulder was found.
@@ -107,4 +122,4 @@ class Anatomy:
         if torso < 2:
             return None
         centre = middle + down * torso * (BELOW - ABOVE) / 2
-        return Body(float(centre[0]), float(centre[1]), torso)
+        return Body(float(centre[0]), float(centre[1]), torso, (float(middle[0]), float(middle[1])))

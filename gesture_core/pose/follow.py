@@ -33,22 +33,31 @@ class FollowRules:
         Confidence from which a find needs no further search.
     lost : float
         Confidence below which the person is searched for again, as a share of the confidence so far.
+    nobody : float
+        Confidence below which nobody is there.
     tiles : tuple of float
         Sides of the tiles of the search over the shorter side of the picture.
+    gain : float
+        Confidence that a tile must add: a part of a large person may pass for a small one.
     zooms : int
         Times that a find is looked at again in a window of its own.
     rest : int
-        Frames between two searches that found nobody.
+        Frames between two searches while nobody is found.
+    doubt : int
+        Frames after which a person of whom the network is not sure is searched for again.
     drift : float
         The window is moved once the body has moved or grown by this share of the window.
     """
 
     size: float = 1.1
-    sure: float = 0.4
+    sure: float = 0.65
     lost: float = 0.5
+    nobody: float = 0.15
     tiles: tuple[float, ...] = (0.6,)
+    gain: float = 0.1
     zooms: int = 2
     rest: int = 16
+    doubt: int = 64
     drift: float = 0.08
 
 
@@ -69,13 +78,15 @@ class Follower:
         self._window: Window | None = None
         self._level = 0.0
         self._resting = 0
+        self._since = 0
 
     def estimate(self, frames: Sequence[np.ndarray]) -> list[Person | None]:
         """The person in each of ``frames``, (H, W, 3) uint8 in BGR, which follow those given before."""
         found: list[Person | None] = []
         while len(found) < len(frames):
             rest = frames[len(found) :]
-            if self._window is None:
+            doubtful = self._level < self.rules.sure and self._since >= self.rules.doubt
+            if self._window is None or doubtful:
                 self._window = self._search(rest[0])
             people = self._look(rest, self._window)
             end = self._until_lost(people)
@@ -88,6 +99,7 @@ class Follower:
             kept = people[: end or len(people)]
             found += kept
             self._resting = max(0, self._resting - len(kept))
+            self._since += len(kept)
             self._move(kept, frames[0])
         return found
 
@@ -99,7 +111,7 @@ class Follower:
         """Number of leading frames in which the person is still there; all of them while resting."""
         if self._resting:
             return len(people)
-        floor = self.rules.lost * max(self._level, self.rules.sure)
+        floor = max(self.rules.lost * self._level, self.rules.nobody)
         for i, person in enumerate(people):
             if self.anatomy.confidence(person) < floor:
                 return i
@@ -111,7 +123,7 @@ class Follower:
         level = float(np.mean([self.anatomy.confidence(person) for person in people]))
         self._level = 0.7 * self._level + 0.3 * level if self._level else level
         bodies = [body for person in people if (body := self.anatomy.body(person)) is not None]
-        if not bodies or level < self.rules.lost * self.rules.sure:
+        if not bodies or level < self.rules.nobody:
             return
         # The latest place, but the usual size: a person turning aside does not shrink. Medians,
         # so that one frame in which left and right are confused does not move the window.
@@ -135,16 +147,21 @@ class Follower:
     def _search(self, frame: np.ndarray) -> Window:
         """The window around the best person in the frame; the whole frame where nobody is."""
         self.searches += 1
+        self._since = 0
         whole = Window.whole((frame.shape[1], frame.shape[0]))
         window, confidence = self._zoom(frame, whole)
+        if self._window is not None and confidence < self.rules.sure:
+            kept, before = self._zoom(frame, self._window)
+            if before > confidence:
+                window, confidence = kept, before
         if confidence < self.rules.sure:
             tiles = self._tiles(whole.size)
             views = [tile.view(frame) for tile in tiles]
             people = [found[0] if found else None for found in self.backend.estimate(views)]
             order = np.argsort([-self.anatomy.confidence(person) for person in people], kind="stable")
-            for i in order[:2]:
+            for i in order[:3]:
                 again, better = self._zoom(frame, tiles[int(i)])
-                if better > confidence:
+                if better > confidence + self.rules.gain:
                     window, confidence = again, better
         self._level = confidence
         return window if confidence > 0 else whole
