@@ -9,6 +9,7 @@ silence, or cost more than it may. The same seed makes the same files (the encod
 from __future__ import annotations
 
 import argparse
+import os
 import platform
 import resource
 import subprocess
@@ -25,6 +26,8 @@ sys.path[:0] = [str(ROOT / "tests" / "media"), str(ROOT / "tests" / "pose_files"
 _BATCH = 200
 _BAD = ("crash", "hang", "untyped")
 _JSON_MIB = 256
+# What a run gives a worker without a sign of progress.
+_SECONDS = 120.0
 # Healthy files of other makers, small enough to decode ten thousand times.
 _FOREIGN = (
     "video_90.mov", "bear-vp9-odd-dimensions.webm", "sample_av1.mp4", "h265_10bits.mp4", "portrait.MOV",
@@ -68,7 +71,7 @@ def soak_media(options: argparse.Namespace) -> int:
             numbers = range(first, min(first + _BATCH, options.media))
             frames = dict(_mutated(Path(folder), clips, options.seed, numbers))
             jobs = [(reader, path) for path in frames for reader in ("pyav", "opencv")]
-            for done in decode_all(jobs, limit=30):
+            for done in decode_all(jobs, limit=_SECONDS):
                 slowest = max(slowest, done.seconds)
                 short = done.outcome == "complete" and done.frames < frames[done.path]
                 outcome = "complete, yet short" if short else done.outcome
@@ -132,9 +135,8 @@ _JSON_SCRIPT = "import sys, soak_media; sys.exit(soak_media.json_frames(int(sys.
 
 
 def _environment() -> dict[str, str]:
-    import os
-
-    return {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parent)}
+    folders = [str(Path(__file__).resolve().parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
 
 
 def json_frames(count: int, seed: str) -> int:

@@ -45,6 +45,8 @@ class Account:
         Frames that the decoder gave.
     end : float
         Seconds at which the last packet of any stream ends.
+    size : int
+        Bytes of the packets of all streams.
     holes : int
         Stretches of the file between two packets that no packet covers.
     stamps : list of float
@@ -59,6 +61,7 @@ class Account:
     refused: int = 0
     frames: int = 0
     end: float = 0.0
+    size: int = 0
     holes: int = 0
     stamps: list[float] = field(default_factory=list)
     _read_to: int | None = None
@@ -71,6 +74,7 @@ class Account:
     def passed(self, position: int | None, size: int, end: float) -> None:
         """A packet of any stream: where it lies in the file, in bytes, and when it ends, in seconds."""
         self.end = max(self.end, end)
+        self.size += size
         if position is None or position < 0:
             return
         if self._read_to is not None and position - self._read_to > _HOLE:
@@ -101,6 +105,8 @@ class Account:
         lost = gaps(self.stamps) if self.holes or self.cut else 0
         if lost:
             ledger.damage(f"gaps in a steady pace, as of {lost} lost frames", lost)
+        if self.holes and (np.diff(self.stamps) < 0).any():
+            ledger.damage("unread bytes and time stamps out of order")
         if not self.stamps:
             return
         step = float(np.median(np.diff(self.stamps))) if len(self.stamps) > 1 else 0.04

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gesture_core.errors import MediaError
-from gesture_core.media.fragments import broken_chain
+from gesture_core.media.fragments import picture_tracks, read_chain
 from gesture_core.media.info import SQUARE, Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
 from gesture_core.media.sniff import CONTAINERS, printable
@@ -64,6 +64,7 @@ class OpenCvSource:
         self._file = file
         self._count = 0
         self._stamps: list[float] = []
+        self._tracks = picture_tracks(file) if container == "mov" else {}
         self._capture = _capture(file, path)
         try:
             if not self._capture.isOpened():
@@ -130,6 +131,7 @@ class OpenCvSource:
         count, fps = self._get(cv2.CAP_PROP_FRAME_COUNT), self._get(cv2.CAP_PROP_FPS)
         believable = (
             self._container in _COUNTED
+            and (self._container != "mov" or any(self._tracks.values()))
             and 0 < count <= self._limits.max_frames
             and 0 < fps <= MAX_FPS
             and count * _MIN_BYTES_PER_FRAME <= self._size
@@ -181,9 +183,14 @@ class OpenCvSource:
         return seconds
 
     def _settle(self, count: int) -> None:
-        if self._container == "mov" and (fault := broken_chain(self._file)):
-            self._ledger.damage(f"broken chain of fragments: {fault}")
         declared, duration = self.info.frames_declared, self._duration()
+        if self._container == "mov":
+            chain = read_chain(self._file)
+            if chain.fault:
+                self._ledger.damage(f"broken chain of fragments: {chain.fault}")
+            if chain.samples and self._tracks:
+                track, own = next(iter(self._tracks.items()))
+                declared = own + chain.samples.get(track, 0)
         if declared is not None:
             absent = declared - count
             if absent > 0:
@@ -228,13 +235,23 @@ def _capture(file: BinaryIO, path: str | os.PathLike[str]) -> Any:
         name = f"/dev/fd/{file.fileno()}"
     else:
         name = os.path.abspath(os.fsdecode(path))  # noqa: PTH100 - the file need not be resolved
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    with _silent(), _restricted():
+        return cv2.VideoCapture(name, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep OpenCV from printing what becomes an error or a note anyway."""
+    import cv2
+
+    # The functions moved between releases 4.12 and 4.13.
+    place: Any = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging
+    level = place.getLogLevel()
+    place.setLogLevel(0)
     try:
-        with _restricted():
-            return cv2.VideoCapture(name, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+        yield
     finally:
-        cv2.utils.logging.setLogLevel(level)
+        place.setLogLevel(level)
 
 
 @contextmanager

@@ -17,7 +17,7 @@ import numpy as np
 from gesture_core.errors import MediaError
 from gesture_core.media.account import Account
 from gesture_core.media.edits import read_edits
-from gesture_core.media.fragments import broken_chain
+from gesture_core.media.fragments import read_chain
 from gesture_core.media.info import SQUARE, Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
 from gesture_core.media.pyav_ear import Ear, refuse
@@ -26,6 +26,8 @@ from gesture_core.media.upright import display_matrix, orientation
 
 # A demuxer that fails this often in a row has lost its place for good.
 _MAX_DEMUX_ERRORS = 32
+# Bytes of a fragmented file's media data that may be padding.
+_UNREAD = 64
 # Containers without a count of frames, whose header is written last and holds the duration, and by how
 # many frames the last packet may miss it: FLV does not say how long packets last.
 _DURATION_HOLDS = {"matroska": 0.6, "flv": 2.5}
@@ -174,13 +176,12 @@ class PyAvSource:
 
     def _settle(self) -> None:
         """Compare what came with what was promised, once the file has ended."""
-        declared = self._declared()
-        if declared and self.info.container == "mov":
+        declared = self.info.frames_declared
+        if self.info.container == "mov":
             # Absent from older releases of PyAV; then a trimmed file counts as short.
             index = len(getattr(self._stream, "index_entries", ()))
-            self._account.trimmed = max(0, declared - index) if index else 0
-        if self.info.container == "mov" and (fault := broken_chain(self._file)):
-            self._ledger.damage(f"broken chain of fragments: {fault}")
+            self._account.trimmed = max(0, declared - index) if declared and index else 0
+            declared = self._check_fragments(declared)
         cut = self._account.cut and self.info.container == "mov"
         if cut:
             edits = read_edits(self._file, self._stream.id)
@@ -192,6 +193,16 @@ class PyAvSource:
             duration=self._duration(cut),
             tolerance=_DURATION_HOLDS.get(self.info.container, 0.6),
         )
+
+    def _check_fragments(self, declared: int | None) -> int | None:
+        """Frames that the movie header and the fragments promise together."""
+        chain = read_chain(self._file)
+        if chain.fault:
+            self._ledger.damage(f"broken chain of fragments: {chain.fault}")
+        unread = chain.payload - self._account.size
+        if unread > max(_UNREAD, chain.payload // 50):
+            self._ledger.damage(f"{unread} bytes of media data belong to no packet")
+        return (declared or 0) + chain.samples.get(self._stream.id, 0) or None
 
     def close(self) -> None:
         """Release the decoder."""

@@ -7,18 +7,21 @@ import struct
 from fractions import Fraction
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from clips import FRAMES, make_clips, picture, write_clip
 
 from gesture_core.errors import MediaError, MissingDependencyError
 from gesture_core.media import reader as reader_module
-from gesture_core.media.fragments import broken_chain
+from gesture_core.media.fragments import Chain, picture_tracks, read_chain
 from gesture_core.media.info import MediaReport
 from gesture_core.media.reader import open_video, reader_name
 
 av = pytest.importorskip("av", reason="clips are made with PyAV")
 READERS = ("pyav", "opencv")
+# Before 4.13 OpenCV's FFmpeg had no decoder for AV1.
+OLD_OPENCV = tuple(map(int, cv2.__version__.split(".")[:2])) < (4, 13)
 
 
 def read(path: Path, reader: str) -> tuple[list[float], MediaReport]:
@@ -83,7 +86,10 @@ def test_a_missing_fragment_is_seen(clips: Path, tmp_path: Path) -> None:
     times, report = read(tmp_path / "hole.mp4", "pyav")
     assert len(times) < FRAMES and not report.complete
     with (clips / "h264.mp4").open("rb") as file:
-        assert broken_chain(file) == "" and file.tell() == 0
+        assert read_chain(file) == Chain() and file.tell() == 0
+    with (clips / "fragmented.mp4").open("rb") as file:
+        (track,) = picture_tracks(file)
+        assert read_chain(file).samples == {track: FRAMES} and picture_tracks(file) == {track: 0}
 
 
 @pytest.mark.parametrize("reader", READERS)
@@ -142,6 +148,8 @@ def test_healthy_files_are_complete_and_on_time(
         pytest.skip(f"this FFmpeg cannot encode {codec}")
     expected = (np.array(stamps) - stamps[0]) / 1000 if stamps else np.arange(FRAMES) / 25
     for reader in READERS:
+        if reader == "opencv" and codec == "libsvtav1" and OLD_OPENCV:
+            continue
         times, report = read(path, reader)
         assert len(times) == FRAMES and report.complete, (reader, report.notes)
         # OpenCV dates the first reordered picture of an AVI one frame late.
@@ -151,8 +159,6 @@ def test_healthy_files_are_complete_and_on_time(
 
 def test_a_cover_picture_is_no_video(tmp_path: Path) -> None:
     """An audio file with an attached picture, as music comes."""
-    import cv2
-
     _, jpeg = cv2.imencode(".jpg", picture(0))
     path = tmp_path / "song.m4a"
     with av.open(str(path), "w", format="mp4") as container:
