@@ -320,8 +320,7 @@ def _gather(
     )
     gamma = None if spec.gamma is None else np.full(len(qi), spec.gamma)
     if dimension is None and not use.all():
-        factor = use.T.astype(x.dtype)
-        x, y = x * factor, y * factor
+        x, y = _only(use, x, n), _only(use, y, m)
     if dimension is None and gamma is not None and spec.reduce == "mean":
         gamma = gamma / mean_factor(use.sum(axis=1), spec)
     low = high = cells = None
@@ -331,6 +330,12 @@ def _gather(
         low, high = _bounds(n, m, spec)
     softness = None if gamma is None else gamma.astype(x.dtype)
     return Lanes(x, y, n, m, low, high, cells, softness, lane_cost(spec))
+
+
+def _only(use: np.ndarray, x: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Zero in the dimensions that a lane does not use, but for its padding."""
+    beyond = np.arange(len(x))[:, None] >= lengths
+    return np.where(use.T | beyond[:, None, :], x, 0)
 
 
 def _columns(frames: np.ndarray, index: np.ndarray, dimension: np.ndarray | None) -> np.ndarray:

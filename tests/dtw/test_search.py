@@ -15,7 +15,7 @@ from gesture_core.types import Signals
 
 
 def walks(rng: np.random.Generator, count: int, width: int, longest: int = 40) -> list[np.ndarray]:
-    lengths = rng.integers(longest // 2, longest + 1, count)
+    lengths = rng.integers(longest * 3 // 4, longest + 1, count)
     return [np.cumsum(rng.integers(-2, 3, (n, width)), axis=0).astype(np.float32) for n in lengths]
 
 
