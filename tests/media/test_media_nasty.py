@@ -46,6 +46,7 @@ OUTCOMES: dict[str, tuple[tuple[str, int], tuple[str, int]]] = {
     "h265_10bits.mp4": ((WHOLE, 30), (WHOLE, 30)),
 }
 READERS = ("pyav", "opencv")
+OLD_OPENCV = tuple(map(int, cv2.__version__.split(".")[:2])) < (4, 13)
 # Where the FFmpeg inside earlier releases of OpenCV does less.
 OPENCV_BEFORE_413 = {
     "sample_av1.mp4": {("E_MEDIA_NO_FRAMES", 0)},
@@ -55,7 +56,7 @@ OPENCV_BEFORE_413 = {
 
 
 def expected(name: str, reader: str) -> set[tuple[str, int]]:
-    if reader == "opencv" and tuple(map(int, cv2.__version__.split(".")[:2])) < (4, 13):
+    if reader == "opencv" and OLD_OPENCV:
         return OPENCV_BEFORE_413.get(name, {OUTCOMES[name][1]})
     return {OUTCOMES[name][READERS.index(reader)]}
 
@@ -91,6 +92,7 @@ def test_frames_and_times_agree(shared: Path) -> None:
     pytest.importorskip("av")
     import numpy as np
 
+    near = 64 if OLD_OPENCV else 2  # which took all colours for those of BT.601
     for name, (outcome, _) in OUTCOMES.items():
         same = {outcome} == expected(name, "opencv")
         if outcome[0] != WHOLE or not same or name == "no_duration.webm":  # large, covered by its outcome
@@ -103,7 +105,7 @@ def test_frames_and_times_agree(shared: Path) -> None:
             assert one.info.rotation == two.info.rotation
             for (time, frame), (time_cv, frame_cv) in zip(one, two, strict=True):
                 assert abs(time - time_cv) < 2e-3, name
-                assert np.abs(frame[::4, ::4].astype(int) - frame_cv[::4, ::4]).max() <= 9, name
+                assert np.abs(frame[::4, ::4].astype(int) - frame_cv[::4, ::4]).max() <= near, name
 
 
 @pytest.mark.parametrize("reader", READERS)
