@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from gesture_core.dtw.spec import DtwSpec
 
@@ -58,6 +59,9 @@ class SignalSettings:
         Names of plugins.
     filters : tuple of str
         Names of filter plugins in order.
+    still : "refuse" or "posture"
+        What a sequence is in which no channel is salient: refused (E_NO_SALIENT), or a posture
+        that can only be matched by examples that are still too.
     """
 
     max_gap: float = 0.5
@@ -66,6 +70,7 @@ class SignalSettings:
     normalizer: str = "shoulder"
     filters: tuple[str, ...] = ("gaussian", "center")
     selector: str = "variance"
+    still: Literal["refuse", "posture"] = "refuse"
 
 
 @dataclass(frozen=True)
