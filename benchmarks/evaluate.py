@@ -1,9 +1,9 @@
 """The accuracy table: the paper's method and the preset `modern` on every data set, by subject.
 
-    python benchmarks/evaluate.py [--shared FOLDER] [--presets paper modern] [--kernel NAME] [--videos]
+    python benchmarks/evaluate.py [--shared FOLDER] [--presets paper modern] [--kernel NAME]
 
-All rows use the same preset. ``--videos`` adds body_gesture from the RGB videos with a pose network
-(``--model``), whose keypoints are kept in the keypoint store.
+All rows use the same preset. ``--videos FOLDER`` adds body_gesture from the RGB videos with the keypoints
+that benchmarks/videos.py left in that folder.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from datasets import (
@@ -23,6 +24,7 @@ from datasets import (
     utd_openpose,
     utd_skeleton,
 )
+from videos import with_videos
 
 from gesture_core.classify.evaluation import Compared, Evaluation, Labelled, answer, compare_all, wilson
 from gesture_core.errors import GestureError
@@ -95,16 +97,13 @@ def rows_of(data: dict[str, list[Item]], settings: Settings) -> dict[str, str]:
     each = ", ".join(f"{100 * share:.0f}" for share in donor.by_fold.values())
     out["utd_openpose, one example a class from each subject in turn"] = f"{shown(donor)}; {each}"
     out["utd_openpose, leave-one-subject-out"] = shown(answer(utd, "leave-one-subject-out"))
-    for name in ("body_gesture", "body_gesture (videos)"):
-        if name in data:
-            body = compare_all(labelled(data[name], settings), settings)
-            groups = [item.group for item in data[name]]
-            for group in ("static", "dynamic"):
-                own = part(body, [g == group for g in groups])
-                out[f"{name}, {len(set(own.data.labels))} {group}"] = shown(
-                    answer(own, "leave-one-subject-out")
-                )
-            out[f"{name}, all 15"] = shown(answer(body, "leave-one-subject-out"))
+    for name in (key for key in data if key.startswith("body_gesture")):
+        body = compare_all(labelled(data[name], settings), settings)
+        groups = [item.group for item in data[name]]
+        for group in ("static", "dynamic"):
+            own = part(body, [g == group for g in groups])
+            out[f"{name}, {len(set(own.data.labels))} {group}"] = shown(answer(own, "leave-one-subject-out"))
+        out[f"{name}, all 15"] = shown(answer(body, "leave-one-subject-out"))
     trainer = compare_all(labelled(data["pose_trainer"], settings), settings)
     out["pose_trainer, leave-one-out"] = shown(answer(trainer, "leave-one-out"))
     kinect = compare_all(labelled(data["utd_skeleton"], settings), settings)
@@ -112,33 +111,24 @@ def rows_of(data: dict[str, list[Item]], settings: Settings) -> dict[str, str]:
     return out
 
 
-def from_videos(items: Sequence[Item], shared: object, model: str) -> list[Item]:
-    """The same clips with keypoints that a pose network finds in the videos."""
-    from pathlib import Path
-
-    from gesture_core.archive.api import load_poses
-
-    root = Path(str(shared)) / "data" / "body_gesture"
-    paths = [root / item.subject / f"{item.name.split('__')[2]}.avi" for item in items]
-    settings = load_settings("modern", pose__model=model)
-    poses = {Path(pose.source).resolve(): pose for pose in load_poses(paths, settings)}
-    return [replace(item, pose=poses[path.resolve()]) for item, path in zip(items, paths, strict=True)
-            if path.resolve() in poses]  # fmt: skip
-
-
 def main() -> int:
     """Print the table."""
     parser = arguments(__doc__.splitlines()[0])
     parser.add_argument("--presets", nargs="+", default=["paper", "modern"])
     parser.add_argument("--kernel", default="auto")
-    parser.add_argument("--videos", action="store_true", help="extract keypoints from the RGB videos too")
-    parser.add_argument("--model", default="compact", help="pose network for --videos")
+    parser.add_argument("--videos", nargs="+", type=Path, default=[], help="folders of benchmarks/videos.py")
     given = parser.parse_args()
     sources = {"utd_openpose": utd_openpose, "body_gesture": body_gesture}
     sources |= {"pose_trainer": pose_trainer, "utd_skeleton": utd_skeleton}
     data = {name: read(given.shared) for name, read in sources.items()}
-    if given.videos:
-        data["body_gesture (videos)"] = from_videos(data["body_gesture"], given.shared, given.model)
+    for folder in given.videos:
+        clips = with_videos(data["body_gesture"], folder)
+        data[f"body_gesture, {folder.name}"] = clips
+        if len(clips) < len(data["body_gesture"]):  # a fair comparison needs the same clips
+            names = {item.name for item in clips}
+            data[f"body_gesture, landmarks of the {len(clips)} clips of {folder.name}"] = [
+                item for item in data["body_gesture"] if item.name in names
+            ]
     table: dict[str, list[str]] = {}
     for preset in given.presets:
         started = time.perf_counter()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,6 +43,8 @@ def compare(
     from gesture_core.dtw.distances import warping_distances
 
     chosen = settings.classify
+    apart = _still_apart(queries, examples, settings)
+    queries, examples = comparable(queries, settings), comparable(examples, settings)
     name = kernel or chosen.kernel
     named = all(isinstance(item, Signals) for item in (*queries, *examples))
     flipped = named and chosen.mirror is not None
@@ -57,7 +60,34 @@ def compare(
     if flipped:
         same, other = np.split(distances, 2, axis=1)
         distances = np.minimum(same, other * chosen.mirror)
-    return distances
+    return np.where(apart, np.inf, distances)
+
+
+def is_still(item: Series) -> bool:
+    """Whether no channel of a sequence is salient; arrays have no such notion."""
+    return isinstance(item, Signals) and not item.selected
+
+
+def comparable(series: Sequence[Series], settings: Settings) -> list[Series]:
+    """``series`` with every channel of the still ones selected, where they count as postures."""
+    if settings.signals.still != "posture":
+        return list(series)
+    return [
+        replace(item, mask=np.ones(len(item.channels), bool))
+        if isinstance(item, Signals) and is_still(item)
+        else item
+        for item in series
+    ]
+
+
+def _still_apart(queries: Sequence[Series], examples: Sequence[Series], settings: Settings) -> np.ndarray:
+    """(Q, N) bool: a person who stands still makes no gesture, so only still examples fit."""
+    apart = np.zeros((len(queries), len(examples)), bool)
+    if settings.signals.still == "posture":
+        still = np.array([is_still(item) for item in queries], bool)
+        moving = np.array([not is_still(item) for item in examples], bool)
+        apart = still[:, None] & moving[None]
+    return apart
 
 
 def common_share(queries: Sequence[Signals], examples: Sequence[Signals]) -> np.ndarray:

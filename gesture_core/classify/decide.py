@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gesture_core.classify.comparison import is_still
 from gesture_core.classify.library import ExampleLibrary
 from gesture_core.classify.neighbors import Votes, k_nearest, vote
 from gesture_core.types import Prediction, Signals
@@ -47,6 +48,7 @@ def decide(
                 if np.isfinite(d)
             ),
             query.selected if isinstance(query, Signals) else (),
+            is_still(query),
         )
         for index, query in enumerate(queries)
     ]
@@ -59,8 +61,17 @@ def _prediction(
     thresholds: np.ndarray | None,
     neighbors: tuple[tuple[str, str, float], ...],
     selected: tuple[str, ...],
+    still: bool,
 ) -> Prediction:
     winner = int(votes.winners[index])
+    if winner < 0 and still:
+        return Prediction(
+            None,
+            "rejected",
+            code="E_NO_SALIENT",
+            message="nothing moves enough, and no example is that still; "
+            "a person who stands still makes no gesture",
+        )
     if winner < 0:
         return Prediction(
             None,

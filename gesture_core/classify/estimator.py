@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gesture_core.classify.comparison import compare
+from gesture_core.classify.comparison import compare, is_still
 from gesture_core.classify.decide import decide
 from gesture_core.classify.library import ExampleLibrary, medoids
 from gesture_core.classify.neighbors import k_nearest, vote
@@ -117,11 +117,16 @@ class GestureClassifier:
         GestureError
             Where a query cannot be used. `predictions` gives it a row instead.
         """
-        distances = self.distances(X)
-        votes = vote(distances, self.library_.codes, len(self.classes_), self._k())
+        signals = self.signals(X)
+        votes = vote(self.distances(signals), self.library_.codes, len(self.classes_), self._k())
         if (votes.winners < 0).any():
             first = int(np.argmax(votes.winners < 0))
-            raise InputError(f"query {first} has no dimension in common with any example", code="E_NO_COMMON")
+            still = is_still(signals[first])
+            raise InputError(
+                f"query {first} {'stands still' if still else 'has no dimension in common with any example'}",
+                remedy="predictions() gives it a row instead",
+                code="E_NO_SALIENT" if still else "E_NO_COMMON",
+            )
         labels = self.classes_[votes.winners]
         if self.thresholds_ is not None:
             far = ~(votes.distances <= self.thresholds_[votes.winners])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.classify.comparison import common_share
+from gesture_core.classify.comparison import common_share, comparable
 from gesture_core.classify.library import ExampleLibrary
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import InputError
@@ -96,7 +96,7 @@ def explain(
 
 def align(query: Signals, library: ExampleLibrary, index: int, settings: Settings) -> Alignment:
     """Warp ``query`` to example ``index``, as it is or mirrored, whichever is nearer."""
-    example = library.series[index]
+    query, example = comparable([query, library.series[index]], settings)  # type: ignore[assignment]
     assert isinstance(example, Signals)
     readings = [(example, False, 1.0)]
     if settings.classify.mirror is not None:

@@ -64,6 +64,7 @@ class Chain:
             tuple(_make(settings, "filter", name) for name in chosen.filters),
             _make(settings, "selector", chosen.selector),
             rule,
+            chosen.still == "posture",
         )
 
     def __call__(self, pose: PoseSequence) -> Signals:

@@ -39,6 +39,11 @@ def register_filters(register: Register) -> None:
 def register_selectors(register: Register) -> None:
     register("all", "gesture_signals.selection:AllChannels", summary="every channel")
     register(
+        "moving",
+        "gesture_signals.selection:Moving",
+        summary="every channel, unless the person stands still",
+    )
+    register(
         "variance",
         "gesture_signals.selection:VarianceThreshold",
         summary="channels whose median-filtered variance exceeds t_var (the paper)",

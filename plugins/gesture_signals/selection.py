@@ -40,6 +40,36 @@ class VarianceThreshold:
 
 
 @dataclass(frozen=True)
+class Moving:
+    """Every channel where anything moves, none where the person stands still.
+
+    Parameters
+    ----------
+    deviation : float
+        Standard deviation over time, in the normalizer's unit, that some channel must exceed after
+        a running median. A person who tries to stand still stays below 0.02 to 0.04 torso lengths
+        as networks see them; a shrug of the shoulders moves the wrists by 0.04 and more.
+    median_radius : int
+        Frames on each side of the running median.
+    """
+
+    deviation: float = 0.025
+    median_radius: int = 3
+
+    def __post_init__(self) -> None:
+        if not self.deviation >= 0 or self.median_radius < 0:
+            raise ValueError(
+                f"deviation {self.deviation} and median_radius {self.median_radius} must not be negative"
+            )
+
+    def select(self, signals: Signals) -> np.ndarray:
+        """(D,) bool, all alike."""
+        deviations = running_median(signals.values, self.median_radius).std(axis=0)
+        moves = bool((deviations[signals.present] > self.deviation).any())
+        return np.full(len(signals.channels), moves)
+
+
+@dataclass(frozen=True)
 class AllChannels:
     """Every channel that is present."""
 

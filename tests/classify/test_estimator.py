@@ -165,3 +165,20 @@ def test_a_distance_on_half_of_the_channels_counts_double() -> None:
     assert compare([whole], [half], on)[0, 0] == 2 * compare([whole], [half], off)[0, 0]
     other = replace(whole, present=np.array([False, True]))
     assert compare([other], [half], on)[0, 0] == np.inf
+
+
+def test_a_person_who_stands_still_is_no_gesture_unless_an_example_stands_still_too() -> None:
+    poses, labels = data()
+    queries = [
+        pose(swing(size=0.0, frames=n) + np.random.default_rng(n).normal(0, 0.5, (n, 18, 2)))
+        for n in (30, 41)
+    ]
+    moving = GestureClassifier("modern").fit(poses, labels)
+    (row,) = moving.predictions(queries[:1])
+    assert (row.label, row.status, row.code) == (None, "rejected", "E_NO_SALIENT")
+    with pytest.raises(InputError, match="stands still"):
+        moving.predict(queries[:1])
+    both = GestureClassifier("modern").fit([*poses, queries[0]], [*labels, "waiting"])
+    assert both.predictions(queries[1:])[0].label == "waiting"
+    truth = data(1, seed=9)
+    assert both.predict(truth[0]).tolist() == truth[1]
