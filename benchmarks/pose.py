@@ -124,7 +124,7 @@ def utd(shared: Path, networks: list[Extractor]) -> list[Gate]:
             f"UTD   {network.name:20} mean {plain.mean():.3f}  median {np.median(plain):.3f}  "
             f"aligned mean {fitted.mean():.3f}  all 18 joints in {len(plain) / total:.1%} of {total} frames"
         )
-        if number == 0:
+        if network is networks[0]:
             gates.append(Gate("A1", "UTD, student to the authors, aligned mean", fitted.mean(), 0.17, 0.12))
         elif network.name == "hpe0001":
             gates.append(Gate("A0", "UTD, hpe0001 at 368 to the authors, mean", plain.mean(), 0.17, 0.17))

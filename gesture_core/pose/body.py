@@ -9,9 +9,10 @@ import numpy as np
 from gesture_core.plugin.kinds import Person
 from gesture_core.skeletons import Skeleton
 
-# Proportions of an adult in torso lengths (shoulders to hips), after Drillis and Contini 1964:
-# a raised hand ends 1.5 above the shoulders, the feet 2.8 below them; the shoulders are 0.75 wide. How far a joint may lie from the middle of the
-# shoulders has some room on top, because the torso is judged by two or four joints.
+# Rough proportions of an adult in torso lengths (shoulders to hips; cf. Drillis and Contini 1966): a raised
+# hand ends 1.5 above the shoulders, the feet 2.8 below them; the shoulders are 0.75 wide. How far a
+# joint may lie from the middle of the shoulders has some room on top, because the torso is judged by
+# two or four joints.
 ABOVE, BELOW = 1.5, 2.8
 _FARTHEST = {"nose": 1.0, "head_top": 1.3, "neck": 0.5, "elbow": 1.2, "wrist": 2.0, "hip": 1.6}
 REACH = ABOVE + BELOW

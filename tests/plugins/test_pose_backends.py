@@ -166,6 +166,17 @@ def test_both_runtimes_agree_on_real_networks_and_a_real_video(
     assert agreement(keypoints(first), keypoints(second), scores) >= 0.99
 
 
+def test_both_runtimes_agree_on_the_packaged_network() -> None:
+    pictures = frames(8, (240, 320), seed=2)
+    first, second = (
+        registry().make("pose", name, {}, model=find_model("compact")).estimate(pictures)
+        for name in ("onnx", "opencv-dnn")
+    )
+    scores = np.stack([people[0].scores for people in first])
+    assert (scores > 0.1).mean() > 0.2
+    assert agreement(keypoints(first), keypoints(second), scores) >= 0.99
+
+
 def test_the_tensorflow_file_of_a_network_gives_what_its_onnx_file_gives(
     shared: Path, shared_models: Path
 ) -> None:
