@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
@@ -44,7 +44,19 @@ class Ear:
         self._subject = subject
         self._ledger = ledger
         self._open = True
+        self._deaf: frozenset[str] = frozenset()
+        self._early: list[tuple[int, str, str]] | None = []
         _raise_level()
+
+    def ignore(self, names: Iterable[str]) -> None:
+        """Leave out what the named codecs log: those of streams that are not decoded.
+
+        Logs are kept until this is called, since a container must be opened to know its streams.
+        """
+        self._deaf = frozenset(names)
+        early, self._early = self._early or [], None
+        step = Step()
+        self._judge(early, step)
 
     def close(self) -> None:
         """Restore FFmpeg's log level once nobody listens any more."""
@@ -87,8 +99,16 @@ class Ear:
                 raise self._error(
                     "not enough memory to decode it", "E_MEDIA_MEMORY", "a smaller video"
                 ) from error
-        for level, _, message in logs:
-            if level <= av.logging.ERROR:
+        if self._early is not None:
+            self._early += logs
+            logs = []
+        self._judge(logs, step)
+
+    def _judge(self, logs: Iterable[tuple[int, str, str]], step: Step) -> None:
+        import av
+
+        for level, name, message in logs:
+            if level <= av.logging.ERROR and name not in self._deaf:
                 step.damage(_plain(message))
         if step.clause:
             self._ledger.damage(step.clause)

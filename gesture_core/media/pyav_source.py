@@ -103,7 +103,6 @@ class PyAvSource:
                 format=container,
                 metadata_errors="replace",
                 io_open=refuse,
-                options={"max_pixels": str(self._limits.max_pixels)},
                 container_options={"max_streams": str(self._limits.max_streams)},
             )
             self._stream: Any = self._container.streams.best("video")
@@ -118,12 +117,16 @@ class PyAvSource:
                 "E_MEDIA_NO_VIDEO",
                 "leave it out",
             )
+        self._ear.ignore(_others(self._container.streams, self._stream))
         context = self._stream.codec_context
         if context is None:
             raise self._error("no decoder for its codec", "E_MEDIA_CODEC", "re-encode it")
         self._check_size(context.width, context.height)
         # One converter for all frames: a new one for each computes its filters anew.
         self._converter = VideoReformatter()
+        # Not when the container is opened: there PyAV before 18 crashes on containers without a header.
+        # Decoders round sizes up; the exact limit is `_check_size`'s.
+        context.options = {"max_pixels": str(2 * self._limits.max_pixels + (1 << 20))}
         # One thread: errors belong to the packet at hand, and logs arrive on this thread.
         context.thread_count = 1
         context.thread_type = "NONE"
@@ -296,6 +299,12 @@ class PyAvSource:
 
     def _error(self, cause: str, code: str, remedy: str) -> MediaError:
         return MediaError(cause, subject=self._subject, remedy=remedy, code=code)
+
+
+def _others(streams: Any, chosen: Any) -> set[str]:
+    """Names of the codecs that only other streams than ``chosen`` use."""
+    names = {s.codec_context.name for s in streams if s is not chosen and s.codec_context is not None}
+    return names - ({chosen.codec_context.name} if chosen.codec_context is not None else set())
 
 
 def _tagged_frames(metadata: dict[str, str]) -> int:
