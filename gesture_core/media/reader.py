@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import importlib.util
 import os
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 ReaderName = Literal["auto", "pyav", "opencv"]
+_PYAV = 15
 READERS: tuple[str, ...] = ("auto", "pyav", "opencv")
 
 
@@ -181,9 +183,21 @@ def reader_name(reader: str) -> str:
     """The reader that ``reader`` stands for on this machine: ``pyav`` or ``opencv``."""
     if reader not in READERS:
         raise ConfigError(f"no reader {reader!r}", remedy=f"one of {', '.join(READERS)}", code="E_OPTION")
-    installed = importlib.util.find_spec("av") is not None
-    if reader == "pyav" and not installed:
-        raise MissingDependencyError("reader 'pyav' needs av: pip install 'gesture-core[video]'")
+    lacking = _pyav_lacks()
+    if reader == "pyav" and lacking:
+        raise MissingDependencyError(f"reader 'pyav' needs {lacking}: pip install 'gesture-core[video]'")
     if reader == "auto":
-        return "pyav" if installed else "opencv"
+        return "opencv" if lacking else "pyav"
     return reader
+
+
+def _pyav_lacks() -> str:
+    """What keeps PyAV from being used here; empty where nothing does."""
+    if importlib.util.find_spec("av") is None:
+        return "av"
+    try:
+        found = importlib.metadata.version("av")
+    except importlib.metadata.PackageNotFoundError:  # built from source, and then recent
+        return ""
+    major = found.partition(".")[0]
+    return f"av {_PYAV} or later, {found} is here," if major.isdigit() and int(major) < _PYAV else ""

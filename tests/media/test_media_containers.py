@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import importlib.util
 import struct
 from fractions import Fraction
@@ -217,3 +218,10 @@ def test_opencv_stands_in_where_pyav_is_missing(clips: Path, monkeypatch: pytest
     with open_video(clips / "h264.mp4") as video:
         assert video.info.reader == "opencv" and video.report.reader == "opencv"
     assert reader_module.READERS == ("auto", "pyav", "opencv")
+
+
+def test_a_pyav_that_is_too_old_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: "13.1.0")
+    assert reader_name("auto") == "opencv"
+    with pytest.raises(MissingDependencyError, match="av 15 or later"):
+        reader_name("pyav")
