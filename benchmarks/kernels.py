@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -19,12 +18,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(variable, "1")
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
-
 import numpy as np
-from environment import header
+from environment import header, one_thread
 
 from gesture_core.dtw.distances import make_batches
 from gesture_core.dtw.soft import soft_gradients
@@ -147,6 +142,7 @@ def main() -> None:
     parser.add_argument("--shared", type=Path, default=HERE.parent / ".." / "shared")
     parser.add_argument("--plot", type=Path)
     arguments = parser.parse_args()
+    one_thread()
     kernels = usable()
     rng = np.random.default_rng(0)
     one_a, one_b = walks(rng, 256, 64, 1), walks(rng, 256, 64, 1)

@@ -32,10 +32,13 @@ SPECS = {
 
 
 def read_ucr(folder: Path, name: str, part: str) -> tuple[list[np.ndarray], np.ndarray]:
-    """Z-normalised series (T,) and their labels, from a tab-separated file."""
-    rows = np.loadtxt(folder / f"{name}_{part}.tsv", ndmin=2)
-    series = [row[~np.isnan(row)] for row in rows[:, 1:]]
-    return [(item - item.mean()) / item.std() for item in series], rows[:, 0]
+    """Z-normalised series (T,) and their labels, from a tab-separated file.
+
+    The archive's figures for sets of unequal lengths are of series filled up with (nearly) zeros
+    to the longest one, and only then normalised.
+    """
+    rows = np.nan_to_num(np.loadtxt(folder / f"{name}_{part}.tsv", ndmin=2))
+    return [(row - row.mean()) / row.std() for row in rows[:, 1:]], rows[:, 0]
 
 
 def read_uea(folder: Path, name: str, part: str) -> tuple[list[np.ndarray], np.ndarray]:

@@ -60,18 +60,22 @@ def hard_diagonals(x: Tensor, y: Tensor, n: Tensor, m: Tensor, band: Band | None
     """(P,) accumulated cost of each lane at its own last cell."""
     rows, columns, lanes = x.shape[0], y.shape[0], x.shape[2]
     flipped = y.flip(0)
+    # Three diagonals in turn. No cell beside a diagonal is ever read but those of the border, which
+    # no diagonal has written yet, and the one in the first row, which all leave alone.
     last, before, now = (x.new_full((rows + 1, lanes), border_value(x)) for _ in range(3))
     before[0] = 0
     local, least = x.new_empty((rows, lanes)), x.new_empty((rows, lanes))
     result = x.new_empty(lanes)
     ends = _ends(n, m)
     for k, first, stop, window in diagonals(rows, columns):
+        if k == 1:
+            now[0] = border_value(x)
         size = stop - first
         c = local_costs(x[first:stop], flipped[window], cost, local[:size])
         v = torch.minimum(last[first:stop], last[first + 1 : stop + 1], out=least[:size])
         torch.minimum(v, before[first:stop], out=v)
         torch.add(v, c, out=now[first + 1 : stop + 1])
-        _clear(now, k, first, stop, band)
+        _forbid(now, k, first, stop, band)
         if k in ends:
             result[ends[k]] = now[n[ends[k]], ends[k]]
         last, before, now = now, last, before
@@ -106,7 +110,7 @@ def soft_diagonals(
         three = (last[first:stop], last[first + 1 : stop + 1], before[first:stop])
         now[first + 1 : stop + 1] = local_costs(x[first:stop], flipped[window], cost)
         now[first + 1 : stop + 1] += soft_least(*three, gamma)
-        _clear(now, k, first, stop, band)
+        _forbid(now, k, first, stop, band)
         if k in ends:
             result[ends[k]] = now[n[ends[k]], ends[k]]
         last, before = now, last
@@ -122,16 +126,12 @@ def soft_least(up: Tensor, left: Tensor, diagonal: Tensor, gamma: Tensor) -> Ten
     return least - gamma * total.log_()
 
 
-def _clear(now: Tensor, k: int, first: int, stop: int, band: Band | None) -> None:
-    """Put the border value beside the diagonal's cells and into those outside the band."""
-    border = border_value(now)
-    now[first] = border
-    if stop + 1 < len(now):
-        now[stop + 1] = border
+def _forbid(now: Tensor, k: int, first: int, stop: int, band: Band | None) -> None:
+    """Put the border value into the diagonal's cells outside the band."""
     if band is not None:
         column = k - torch.arange(first, stop, device=now.device)[:, None]
         outside = (column < band.low[first:stop]) | (column >= band.high[first:stop])
-        now[first + 1 : stop + 1].masked_fill_(outside, border)
+        now[first + 1 : stop + 1].masked_fill_(outside, border_value(now))
 
 
 def _ends(n: Tensor, m: Tensor) -> dict[int, Tensor]:

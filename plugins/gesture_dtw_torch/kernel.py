@@ -25,7 +25,7 @@ class TorchKernel(LaneKernel):
 
     where: str = "auto"
 
-    lane_count = 1024
+    lane_count = 4096
 
     @cached_property
     def device(self) -> str:
