@@ -57,7 +57,7 @@ class FollowRules:
     gain: float = 0.1
     zooms: int = 2
     rest: int = 16
-    doubt: int = 64
+    doubt: int = 250
     drift: float = 0.08
 
 
