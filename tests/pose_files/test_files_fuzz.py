@@ -77,6 +77,7 @@ def test_the_corpus_itself(folder: Path) -> None:
     assert outcomes.count("ok") >= 8 and len(set(outcomes)) >= 3
 
 
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is read from /proc")
 def test_the_costliest_frames_are_cheap(tmp_path: Path) -> None:
     """As large as a frame may be, each made to cost a parser most: under 256 MB and 2 s."""
     size = MAX_JSON_BYTES - 64
@@ -101,14 +102,14 @@ def test_the_costliest_frames_are_cheap(tmp_path: Path) -> None:
         (tmp_path / name / frame_name("f", 0)).write_bytes(data)
         folders.append(str(tmp_path / name))
     script = (
-        "import resource, sys, time\nfrom pathlib import Path\n"
+        "import sys, time\nfrom pathlib import Path\n"
         "from gesture_core.errors import KeypointError\n"
         "from gesture_pose_files.openpose_json import OpenPoseJsonReader\n"
         "for name in sys.argv[1:]:\n"
         "    start = time.process_time()\n"
         "    try:\n        OpenPoseJsonReader().read(Path(name)); code = 'ok'\n"
         "    except KeypointError as error:\n        code = error.code\n"
-        "    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024\n"
+        "    peak = int(open('/proc/self/status').read().split('VmHWM:')[1].split()[0]) // 1024\n"
         "    print(Path(name).name, code, peak, time.process_time() - start, sep='|')\n"
     )
     done = subprocess.run(
