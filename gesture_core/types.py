@@ -15,11 +15,17 @@ Status = Literal["ok", "degraded", "rejected", "skipped", "error"]
 STATUSES: tuple[Status, ...] = ("ok", "degraded", "rejected", "skipped", "error")
 
 
+def _single(array: np.ndarray) -> np.ndarray:
+    """``array`` as float32; what does not fit becomes infinite, and is then refused as such."""
+    with np.errstate(over="ignore"):
+        return np.asarray(array).astype(np.float32, copy=False)
+
+
 def _frozen(array: np.ndarray, dtype: type) -> np.ndarray:
-    """``array`` as a read-only array of ``dtype``: a view, so the caller's own flag is untouched."""
-    view: np.ndarray = np.ascontiguousarray(array, dtype=dtype).view()
-    view.flags.writeable = False
-    return view
+    """A read-only copy of ``array`` in ``dtype``, apart from the caller's own."""
+    copy: np.ndarray = np.array(array, dtype=dtype, order="C")
+    copy.flags.writeable = False
+    return copy
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +63,7 @@ class PoseSequence:
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        points = np.asarray(self.keypoints)
+        points = _single(self.keypoints)
         joints = len(skeleton(self.skeleton).joints)
         if points.ndim != 3 or points.shape[1:] != (joints, 2):
             raise KeypointError(
@@ -150,7 +156,7 @@ class Signals:
     source: str = ""
 
     def __post_init__(self) -> None:
-        values = np.asarray(self.values)
+        values = _single(self.values)
         if values.ndim != 2 or values.shape[1] != len(self.channels) or 0 in values.shape:
             raise SignalError(
                 f"signals have shape {values.shape}, expected (T, {len(self.channels)}) with T at least 1",

@@ -49,6 +49,9 @@ def load_poses(
     items = [item for item in discover(as_strings(sources)) if item.kind != "other"]
     if not items:
         raise InputError("no video or keypoint file", subject=str(sources), code="E_EMPTY")
+    for item in items:
+        if item.kind == "broken":
+            raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
     outcomes = {o.number: o for o in extract_all(items, _settings(settings, changes), workers=workers)}
     poses: list[PoseSequence] = []
     for number, item in enumerate(items):

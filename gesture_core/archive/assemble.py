@@ -25,6 +25,17 @@ def skipped_row(item: Input, fingerprint: str) -> Row:
     )
 
 
+def broken_row(item: Input, fingerprint: str) -> Row:
+    """The row of something that should be readable and is not."""
+    return Row(
+        item.name,
+        status="error",
+        code=item.code,
+        message=f"{item.name}: {item.fault}; try: repairing it, then --retry-errors",
+        fingerprint=fingerprint,
+    )
+
+
 def _base(item: Input, outcome: Outcome, fingerprint: str) -> Row:
     return Row(
         item.name,
@@ -43,13 +54,14 @@ def failed_row(item: Input, outcome: Outcome, fingerprint: str) -> Row:
     base = _base(item, outcome, fingerprint)
     if outcome.code:
         return replace(base, code=outcome.code, message=_said_of(item, outcome.message))
-    return replace(
+    nobody = replace(
         base,
         status="rejected",
         code="E_NO_PERSON",
         message=f"{item.name}: nobody was found in {outcome.frames_read} frames; "
         "try: another --pose or --model, or gesture render to see what the network sees",
     )
+    return _with_damage(nobody, item, outcome)
 
 
 def person_row(
@@ -74,16 +86,22 @@ def person_row(
         selected=prediction.selected,
     )
     if row.code in _NO_GESTURE:
-        return replace(row, status="rejected")
-    if row.status == "ok" and not outcome.complete:
-        return replace(
-            row,
-            status="degraded",
-            code="E_MEDIA_PARTIAL",
-            message=f"{item.name}: {'; '.join(outcome.notes) or 'frames are missing'}; "
-            f"kept: {outcome.frames_read} frames; try: repairing the file",
-        )
-    return row
+        row = replace(row, status="rejected")
+    return _with_damage(row, item, outcome)
+
+
+def _with_damage(row: Row, item: Input, outcome: Outcome) -> Row:
+    """The row, if frames of its input are lost: a label is degraded, a missing label is an error."""
+    if outcome.complete or row.status == "error":
+        return row
+    said = f"; otherwise: {row.code} {row.message.removeprefix(f'{item.name}: ')}" if row.code else ""
+    return replace(
+        row,
+        status="degraded" if row.status == "ok" else "error",
+        code="E_MEDIA_PARTIAL",
+        message=f"{item.name}: {'; '.join(outcome.notes) or 'frames are missing'}; "
+        f"kept: {outcome.frames_read} frames; try: repairing the file{said}",
+    )
 
 
 def _said_of(item: Input, message: str) -> str:

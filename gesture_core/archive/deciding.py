@@ -33,52 +33,46 @@ def stored_poses(item: Input, outcome: Outcome) -> list[PoseSequence]:
 
 @dataclass
 class ExampleSet:
-    """The examples of a run that can be used, and those that cannot.
+    """The examples of a run that can be used.
 
     Attributes
     ----------
+    fingerprint : str
+        Of the run, for the rows of examples that cannot be used.
     signals, labels, names : lists
-        Of the usable examples, in their order.
-    failed : list of Row
-        One for each of the others.
+        Of those that can, in their order.
     """
 
+    fingerprint: str
     signals: list[Signals] = field(default_factory=list)
     labels: list[str] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
-    failed: list[Row] = field(default_factory=list)
 
-    @classmethod
-    def of(
-        cls,
-        examples: Sequence[Input],
-        outcomes: Sequence[Outcome],
-        classifier: GestureClassifier,
-        fingerprint: str,
-    ) -> ExampleSet:
-        """Signals of the first person of each example."""
-        made = cls()
-        for item, outcome in zip(examples, outcomes, strict=True):
-            try:
-                poses = stored_poses(item, outcome)
-                if outcome.code or not poses:
-                    made.failed.append(failed_row(item, outcome, fingerprint))
-                    continue
-                made.signals.extend(classifier.signals(poses[:1]))  # type: ignore[arg-type]
-                made.labels.append(str(item.label))
-                made.names.append(item.name)
-            except GestureError as error:
-                broken = Outcome(0, outcome.sha256, code=error.code, message=error.message)
-                made.failed.append(failed_row(item, broken, fingerprint))
-        if not made.signals:
-            first = made.failed[0]
+    def add(self, item: Input, outcome: Outcome, classifier: GestureClassifier) -> Row | None:
+        """Take the first person of an example; the row that says why where that cannot be."""
+        try:
+            poses = stored_poses(item, outcome)
+            if outcome.code or not poses:
+                return failed_row(item, outcome, self.fingerprint)
+            self.signals.extend(classifier.signals(poses[:1]))  # type: ignore[arg-type]
+        except ConfigError:
+            raise
+        except GestureError as error:
+            broken = Outcome(0, outcome.sha256, code=error.code, message=error.message)
+            return failed_row(item, broken, self.fingerprint)
+        self.labels.append(str(item.label))
+        self.names.append(item.name)
+        return None
+
+    def require_any(self, failed: Sequence[Row]) -> None:
+        """An InputError where no example is left."""
+        if not self.signals:
             raise InputError(
-                f"no example can be used; the first one: {first.code} {first.message}",
+                f"no example can be used; the first one: {failed[0].code} {failed[0].message}",
                 kept="the keypoints extracted so far",
                 remedy="better clips",
                 code="E_EXAMPLES",
             )
-        return made
 
 
 def predict(

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import csv
 import glob
 import os
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gesture_core.errors import ConfigError, GestureError, InputError, PluginError
+from gesture_core.archive.labels import printable, read_manifest
+from gesture_core.errors import GestureError, InputError, PluginError
 from gesture_core.plugin import registry
 
 VIDEO_SUFFIXES = frozenset(
     ".mp4 .m4v .mov .qt .avi .mkv .webm .flv .f4v .wmv .asf .mpg .mpeg .m2v .vob .ts .mts .m2ts "
     ".3gp .3g2 .ogv .ogg .mxf .dv .gif .264 .h264 .265 .h265 .hevc .mjpg .mjpeg .y4m".split()
 )
-_MANIFEST_COLUMNS = ("path", "input", "file", "video")
 
 
 @dataclass(frozen=True)
@@ -30,15 +28,16 @@ class Input:
         File or folder.
     name : str
         As shown to the user; bytes that are no UTF-8 are escaped.
-    kind : "video", "keypoints" or "other"
-        Anything but the first two gets a row with the status ``skipped``.
+    kind : "video", "keypoints", "broken" or "other"
+        What nobody reads is ``other`` and gets a row with the status ``skipped``; what should be
+        readable and is not is ``broken`` and gets an error.
     member : str
         The sequence inside a file or folder that holds several.
     reader : str
         Name of the keypoint reader.
     label : str or None
         The gesture, for examples and labelled archives.
-    fault : str
+    code, fault : str
         Why it cannot be read, where that is already known.
     """
 
@@ -48,17 +47,18 @@ class Input:
     member: str = ""
     reader: str = ""
     label: str | None = None
+    code: str = ""
     fault: str = ""
 
     @property
     def key(self) -> bytes:
-        """Identity inside a run: the exact bytes of the path, and the member."""
-        return os.fsencode(self.path.absolute()) + (b"\0" + self.member.encode("utf-8", "surrogatepass"))
+        """Identity inside a run: the exact bytes of the absolute path, and the member."""
+        return self.place + b"\0" + self.member.encode("utf-8", "surrogatepass")
 
-
-def printable(text: str) -> str:
-    """``text`` with bytes that are no UTF-8 written as ``\\xNN``, fit for SQLite and terminals."""
-    return os.fsencode(text).decode("utf-8", "backslashreplace") if os.name == "posix" else text
+    @property
+    def place(self) -> bytes:
+        """The exact bytes of the absolute path."""
+        return os.fsencode(os.path.normpath(self.path.absolute()))
 
 
 def discover(sources: Sequence[str | os.PathLike[str]], *, avoid: Path | None = None) -> list[Input]:
@@ -82,61 +82,87 @@ def discover(sources: Sequence[str | os.PathLike[str]], *, avoid: Path | None = 
     InputError
         Where a source or a path in a manifest does not exist.
     """
+    walk = _Walk(avoid.resolve() if avoid else None)
     found: dict[bytes, Input] = {}
     for source in sources:
-        for item in _source(Path(source), avoid.resolve() if avoid else None):
+        for item in walk.source(Path(source)):
             found.setdefault(item.key, item)
     return list(found.values())
 
 
-def _source(path: Path, avoid: Path | None) -> Iterator[Input]:
-    if not path.exists():
-        text = os.fspath(path)
-        matches = sorted(glob.glob(text, recursive=True)) if glob.has_magic(text) else []  # noqa: PTH207
-        if not matches:
-            raise InputError(
-                "no such file or folder", subject=printable(text), remedy="check the path", code="E_NOT_FOUND"
-            )
-        for match in matches:
-            yield from _source(Path(match), avoid)
-    elif path.is_dir():
-        yield from _folder(path, avoid, frozenset())
-    elif (entries := _manifest(path)) is not None:
-        for entry, label in entries:
-            for item in _source(entry, avoid):
-                yield replace(item, label=label) if label else item
-    else:
-        yield from _file(path)
+class _Walk:
+    """Remembers which folders it has been in, so that no link leads round in circles."""
 
+    def __init__(self, avoid: Path | None) -> None:
+        self._avoid = avoid
+        self._been: set[Path] = set()
 
-def _folder(folder: Path, avoid: Path | None, above: frozenset[Path]) -> Iterator[Input]:
-    real = folder.resolve()
-    if real == avoid or real in above:  # the run itself, or a link back to a folder above
-        return
-    reader, _ = _reader(folder)
-    if reader:
-        yield from _members(folder, reader)
-        return
-    try:
-        entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
-    except OSError as error:
-        yield Input(
-            folder, printable(os.fspath(folder)), "other", fault=f"cannot be listed: {error.strerror}"
-        )
-        return
-    for entry in entries:
-        if entry.name.startswith("."):
-            continue
-        if entry.is_dir():
-            yield from _folder(entry, avoid, above | {real})
+    def source(self, path: Path) -> Iterator[Input]:
+        """Inputs of something that the user named: a path, a glob or a manifest."""
+        if path.is_file() and (entries := read_manifest(path)) is not None:
+            for entry, label in entries:
+                if not entry.exists():
+                    raise _not_found(entry, f"listed in {printable(os.fspath(path))}")
+                for item in self.path(entry):
+                    yield replace(item, label=label) if label else item
+        elif path.exists():
+            yield from self.path(path)
         else:
-            yield from _file(entry)
+            text = os.fspath(path)
+            matches = sorted(glob.glob(text, recursive=True)) if glob.has_magic(text) else []  # noqa: PTH207
+            if not matches:
+                raise _not_found(path)
+            for match in matches:
+                yield from self.path(Path(match))
+
+    def path(self, path: Path) -> Iterator[Input]:
+        """Inputs in a file or folder."""
+        if path.is_dir():
+            yield from self._folder(path)
+        else:
+            yield from _file(path)
+
+    def _folder(self, folder: Path) -> Iterator[Input]:
+        real = folder.resolve()
+        if real == self._avoid or real in self._been:
+            return
+        self._been.add(real)
+        try:
+            entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
+        except OSError as error:
+            yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
+            return
+        reader, _ = _reader(folder)
+        if reader:
+            yield from _members(folder, reader)
+        for entry in entries:
+            if entry.name.startswith("."):
+                continue
+            if entry.is_dir():
+                yield from self._folder(entry)
+                continue
+            # What nobody else reads in a folder of keypoint files belongs to that folder.
+            yield from (item for item in _file(entry) if not (reader and item.kind == "other"))
+
+
+def _not_found(path: Path, where: str = "") -> InputError:
+    return InputError(
+        f"no such file or folder{f', {where}' if where else ''}",
+        subject=printable(os.fspath(path)),
+        remedy="check the path",
+        code="E_NOT_FOUND",
+    )
+
+
+def _broken(path: Path, code: str, fault: str) -> Input:
+    return Input(path, printable(os.fspath(path)), "broken", code=code, fault=fault)
 
 
 def _file(path: Path) -> Iterator[Input]:
     name = printable(os.fspath(path))
     if not path.is_file():
-        yield Input(path, name, "other", fault="not a regular file")
+        dangling = path.is_symlink() and not path.exists()
+        yield _broken(path, "E_READ", "leads nowhere" if dangling else "is not a regular file")
     elif path.suffix.lower() in VIDEO_SUFFIXES:
         yield Input(path, name, "video")
     else:
@@ -168,93 +194,12 @@ def _members(path: Path, reader: str) -> Iterator[Input]:
     try:
         members = registry().make("reader", reader).members(path)
     except GestureError as error:
-        yield Input(path, name, "other", fault=f"{error.code} {error.cause}")
+        yield _broken(path, error.code, error.cause)
         return
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
         origin = registry().find("reader", reader).origin
-        yield Input(path, name, "other", fault=f"{origin} raised {type(error).__name__}: {error}")
+        yield _broken(path, "E_PLUGIN_RAISED", f"{origin} raised {type(error).__name__}: {error}")
         return
     for member in members:
         shown = f"{name}::{printable(member)}" if member else name
         yield Input(path, shown, "keypoints", member, reader)
-
-
-def _manifest(path: Path) -> list[tuple[Path, str | None]] | None:
-    """Paths and labels listed in ``path``; None where it is no manifest."""
-    suffix = path.suffix.lower()
-    if suffix not in (".txt", ".csv"):
-        return None
-    with path.open(encoding="utf-8", errors="surrogateescape", newline="") as file:
-        if suffix == ".txt":
-            lines = [line.rstrip("\r\n") for line in file]
-            return [(path.parent / line, None) for line in lines if line.strip() and not line.startswith("#")]
-        rows = csv.DictReader(file)
-        column = next((c for c in _MANIFEST_COLUMNS if c in (rows.fieldnames or ())), None)
-        if column is None:
-            return None
-        return [(path.parent / row[column], row.get("label") or None) for row in rows if row[column]]
-
-
-def label_inputs(items: Sequence[Input], labels: str, roots: Sequence[str | os.PathLike[str]]) -> list[Input]:
-    """Give each input its label.
-
-    Parameters
-    ----------
-    items : sequence of Input
-    labels : str
-        ``folder``: the first folder below its root. A path to a ``.csv`` file with the columns
-        ``path`` and ``label``. Otherwise a regular expression whose group ``label``, or first
-        group, is searched in the name.
-    roots : sequence of path
-        The sources that the inputs were found in.
-
-    Raises
-    ------
-    ConfigError
-        Where the expression is wrong, or an input gets no label; a label from a manifest is kept.
-    """
-    find = _labeller(labels, [Path(root) for root in roots])
-    labelled = []
-    for item in items:
-        label = item.label or find(item)
-        if not label:
-            raise ConfigError(
-                f"no label for {item.name} by {labels!r}",
-                remedy="examples/<label>/<clip>, a CSV file with path and label, or a regular expression",
-                code="E_LABELS",
-            )
-        labelled.append(replace(item, label=label))
-    return labelled
-
-
-def _labeller(labels: str, roots: Sequence[Path]):  # type: ignore[no-untyped-def]
-    if labels == "folder":
-        return lambda item: _folder_label(item.path, roots)
-    if labels.lower().endswith(".csv"):
-        try:
-            entries = _manifest(Path(labels)) or []
-        except OSError as error:
-            raise ConfigError(f"cannot be read: {error.strerror}", subject=labels, code="E_LABELS") from None
-        table = {path.resolve(): label for path, label in entries}
-        return lambda item: table.get(item.path.resolve())
-    try:
-        pattern = re.compile(labels)
-    except re.error as error:
-        raise ConfigError(f"labels {labels!r} is no regular expression: {error}", code="E_LABELS") from None
-    if not pattern.groups:
-        raise ConfigError(f"labels {labels!r} has no group", remedy="(?P<label>…)", code="E_LABELS")
-
-    def search(item: Input) -> str | None:
-        match = pattern.search(item.member or item.path.name) or pattern.search(item.name)
-        return match.groupdict().get("label") or match.group(1) if match else None
-
-    return search
-
-
-def _folder_label(path: Path, roots: Sequence[Path]) -> str | None:
-    for root in roots:
-        if path.is_relative_to(root):
-            parts = path.relative_to(root).parts
-            if len(parts) > 1:
-                return printable(parts[0])
-    return None

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property
 from inspect import signature
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gesture_core.archive.hashing import content_sha256, settings_sha256
+from gesture_core.archive.hashing import content_sha256, settings_sha256, stamp
 from gesture_core.archive.probe import probe
 from gesture_core.archive.store import read_keypoints, write_keypoints
 from gesture_core.archive.work import Job, Outcome, Task
-from gesture_core.errors import GestureError, KeypointError, RunFolderError
+from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
 from gesture_core.plugin import registry
 from gesture_core.settings import Settings
 from gesture_core.types import PoseSequence
@@ -38,6 +39,7 @@ class Extractor:
 
     def __init__(self, job: Job) -> None:
         self._job = job
+        self._hashed: tuple[Path, str, str] = (Path(), "", "")
 
     def __call__(self, task: Task, on_frames: Callable[[int], None]) -> Outcome:
         """The outcome of ``task``; whatever goes wrong becomes its code and message.
@@ -46,26 +48,32 @@ class Extractor:
         """
         started = time.perf_counter()
         plugin = self._plugin(task)
-        outcome = Outcome(task.number, task.sha256, plugin=plugin, complete=False)
+        outcome = Outcome(task.number, plugin=plugin, complete=False)
         try:
             if task.kind == "probe":
                 probe(self._backend)
                 return replace(outcome, complete=True)
-            outcome = replace(outcome, sha256=task.sha256 or content_sha256(task.path))
+            before = stamp(task.path)
+            outcome = replace(outcome, sha256=self._sha256(task, before, on_frames), stamp=before)
             outcome = self._from_store(task, outcome) or self._extract(task, outcome, on_frames)
         except GestureError as error:
-            cause = message_without_subject(error)
-            outcome = replace(outcome, code=error.code, message=cause)
+            outcome = replace(outcome, code=error.code, message=message_without_subject(error))
         except MemoryError:
-            outcome = replace(
-                outcome, code="E_WORKER_MEMORY", message="out of memory; try: a larger limits.memory"
-            )
+            message = "out of memory; try: --set limits.memory=… with a larger figure and --retry-errors"
+            outcome = replace(outcome, code="E_WORKER_MEMORY", message=message)
         except OSError as error:
-            outcome = replace(outcome, code="E_READ", message=f"cannot be read: {error.strerror or error}")
+            message = f"cannot be read: {error.strerror or error}; try: check its permissions"
+            outcome = replace(outcome, code="E_READ", message=message)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
             text = f"{plugin} raised {type(error).__name__}: {error}; try: another plugin, or report it"
             outcome = replace(outcome, code="E_PLUGIN_RAISED", message=text)
         return replace(outcome, elapsed=time.perf_counter() - started)
+
+    def _sha256(self, task: Task, now: str, on_frames: Callable[[int], None]) -> str:
+        """The content hash; that of a container is computed once for all sequences inside it."""
+        if self._hashed[:2] != (task.path, now):
+            self._hashed = (task.path, now, content_sha256(task.path, lambda: on_frames(0)))
+        return self._hashed[2]
 
     def _plugin(self, task: Task) -> str:
         if task.kind in ("video", "probe"):
@@ -74,7 +82,8 @@ class Extractor:
 
     def _name(self, task: Task, sha256: str) -> str:
         """File name in the store: content, then what decides the keypoints."""
-        key = settings_sha256([self._job.pose_key, task.kind, task.reader, task.member])
+        maker = "video" if task.kind == "video" else f"reader {task.reader}"
+        key = settings_sha256([self._job.keys[maker], task.member])
         return f"{sha256[:2]}/{sha256[:32]}-{key[:16]}.parquet"
 
     def _from_store(self, task: Task, outcome: Outcome) -> Outcome | None:
@@ -94,6 +103,12 @@ class Extractor:
         else:
             sequences, facts = self._keypoints(task)
         facts["people"] = len(sequences)
+        if stamp(task.path) != outcome.stamp:
+            raise InputError(
+                "was written while it was read",
+                remedy="--retry-errors",
+                code="E_CHANGED",
+            )
         name = self._name(task, outcome.sha256)
         try:
             write_keypoints(self._job.store / name, sequences, facts)
@@ -132,6 +147,9 @@ class Extractor:
         }
 
     def _keypoints(self, task: Task) -> tuple[list[PoseSequence], dict[str, Any]]:
+        if task.reader == "store":
+            stored = read_keypoints(task.path)
+            return stored.sequences, dict(stored.facts)
         settings = self._job.settings
         reader = registry().make("reader", task.reader, _reader_options(settings, task.reader))
         sequences: list[PoseSequence] = reader.read(task.path, task.member)

@@ -14,39 +14,61 @@ from gesture_core.settings import Settings
 
 
 def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
-    """What decides the keypoints of an input: settings, model, versions.
+    """What decides the keypoints of an input, apart from its content.
 
-    ``with_model`` is False where no input is a video; then the model may be missing.
+    Parameters
+    ----------
+    settings : Settings
+    with_model : bool
+        False where no input is a video; then the model may be missing.
+
+    Returns
+    -------
+    dict
+        ``video`` and ``readers``, the latter by name; see `pose_keys`.
     """
-    plugins = registry()
-    backend = plugins.find("pose", settings.pose.backend)
-    pose = settings.as_dict()["pose"]
-    identity: dict[str, Any] = {
-        "package": gesture_core.__version__,
-        "pose": pose,
-        "backend": str(backend.origin),
-        "options": settings.plugin_options(settings.pose.backend),
-        "readers": {
-            name: [str(plugins.find("reader", name).origin), settings.plugin_options(name)]
-            for name in plugins.names("reader", usable=True)
-        },
-    }
     from gesture_core.media.reader import reader_name
     from gesture_core.pose.models import find_model
 
-    identity["video_reader"] = reader_name(settings.pose.reader)
+    plugins = registry()
+    pose = settings.as_dict()["pose"]
+    shared = {name: pose.pop(name) for name in ("fps", "people")}
     try:
-        identity["model"] = find_model(settings.pose.model).sha256
+        model = find_model(settings.pose.model).sha256
     except ModelError:
         if with_model:
             raise
-        identity["model"] = None
-    return identity
+        model = None
+    video = {
+        "package": gesture_core.__version__,
+        "settings": {**pose, "people": shared["people"]},
+        "backend": str(plugins.find("pose", settings.pose.backend).origin),
+        "options": settings.plugin_options(settings.pose.backend),
+        "reader": reader_name(settings.pose.reader),
+        "model": model,
+    }
+    readers = {
+        name: {
+            "origin": str(plugins.find("reader", name).origin),
+            "options": settings.plugin_options(name),
+            **shared,
+        }
+        for name in plugins.names("reader", usable=True)
+    }
+    return {"video": video, "readers": readers}
+
+
+def pose_keys(identity: Mapping[str, Any]) -> dict[str, str]:
+    """For videos (``video``) and each keypoint reader (its name): the part of a name in the store."""
+    return {
+        "video": fingerprint(identity["video"]),
+        **{f"reader {name}": fingerprint(tree) for name, tree in identity["readers"].items()},
+    }
 
 
 def run_configuration(
     settings: Settings,
-    pose: Mapping[str, Any],
+    identity: Mapping[str, Any],
     examples: Sequence[tuple[Input, str]],
     kernel: str,
 ) -> dict[str, Any]:
@@ -54,16 +76,15 @@ def run_configuration(
     plugins = registry()
     chosen = settings.signals
     steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
-    steps += [("filter", name) for name in chosen.filters]
+    steps += [("filter", name.partition(":")[0]) for name in chosen.filters]
+    steps += [("kernel", kernel)] if kernel else []
     tree = settings.as_dict()
-    del tree["limits"], tree["pose"]
+    del tree["limits"]
     tree["classify"]["kernel"] = kernel
     return {
         "settings": tree,
-        "pose": dict(pose),
-        "plugins": {
-            f"{kind} {name}": str(plugins.find(kind, name.partition(":")[0]).origin) for kind, name in steps
-        },
+        "keypoints": dict(identity),
+        "plugins": {f"{kind} {name}": str(plugins.find(kind, name).origin) for kind, name in steps},
         "examples": {item.name: {"label": item.label, "sha256": sha256} for item, sha256 in examples},
     }
 

@@ -10,6 +10,7 @@ import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from gesture_core.archive.rows import COLUMNS, Row
 from gesture_core.errors import RunFolderError
 
 FILE_NAME = "run.db"
-_VERSION = 1
+_VERSION = 2
 _TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {
     "frames_with_pose": "INTEGER", "attempts": "INTEGER",
     "distance": "REAL", "margin": "REAL", "seconds": "REAL",
@@ -28,11 +29,30 @@ CREATE TABLE IF NOT EXISTS content (
   key BLOB PRIMARY KEY, stamp TEXT NOT NULL, sha256 TEXT NOT NULL
 );
 CREATE TABLE IF NOT EXISTS rows (
-  key BLOB NOT NULL, role TEXT NOT NULL, stored TEXT NOT NULL,
+  key BLOB NOT NULL, place BLOB NOT NULL, role TEXT NOT NULL,
   {", ".join(f"{name} {_TYPES.get(name, 'TEXT')}" for name in COLUMNS)},
   PRIMARY KEY (role, key, person)
 );
 """
+
+
+@dataclass(frozen=True)
+class Committed:
+    """What identifies an input and its content in the journal.
+
+    Attributes
+    ----------
+    key : bytes
+        Of the input, from `discovery.Input`.
+    place : bytes
+        Its absolute path.
+    stamp : str
+        From `hashing.stamp`, of the file as it was read; empty where it could not be looked at.
+    """
+
+    key: bytes
+    place: bytes
+    stamp: str
 
 
 class Journal:
@@ -43,7 +63,7 @@ class Journal:
     folder : Path
         The run folder.
     create : bool
-        Make the file where it is missing.
+        Make the file where it is missing, and open it for writing.
 
     Raises
     ------
@@ -61,15 +81,9 @@ class Journal:
                 code="E_NO_RUN",
             )
         try:
-            self._db = sqlite3.connect(self.path, isolation_level=None, timeout=10)
-            self._db.row_factory = sqlite3.Row
-            self._db.execute("PRAGMA journal_mode=WAL")
-            self._db.execute("PRAGMA synchronous=FULL")
-            if create:
-                self._db.executescript(_SCHEMA)
-                self._db.execute("INSERT OR IGNORE INTO meta VALUES ('version', ?)", (str(_VERSION),))
+            self._db = self._open(create)
             version = self.get("version")
-        except sqlite3.DatabaseError as error:
+        except sqlite3.Error as error:
             raise RunFolderError(
                 f"cannot be used: {error}",
                 subject=str(self.path),
@@ -84,6 +98,21 @@ class Journal:
                 code="E_RUN_VERSION",
             )
 
+    def _open(self, create: bool) -> sqlite3.Connection:
+        if not create:
+            frozen = "" if os.access(self.path.parent, os.W_OK) else "&immutable=1"
+            address = f"{self.path.absolute().as_uri()}?mode=ro{frozen}"
+            db = sqlite3.connect(address, isolation_level=None, timeout=10, uri=True)
+            db.row_factory = sqlite3.Row
+            return db
+        db = sqlite3.connect(self.path, isolation_level=None, timeout=10)
+        db.row_factory = sqlite3.Row
+        db.execute("PRAGMA journal_mode=WAL")
+        db.execute("PRAGMA synchronous=FULL")
+        db.executescript(_SCHEMA)
+        db.execute("INSERT OR IGNORE INTO meta VALUES ('version', ?)", (str(_VERSION),))
+        return db
+
     def __enter__(self) -> Journal:
         return self
 
@@ -97,7 +126,7 @@ class Journal:
             yield
         except sqlite3.Error as error:
             raise RunFolderError(
-                f"cannot be written: {error}",
+                f"cannot be read or written: {error}",
                 subject=str(self.path),
                 kept="every committed row",
                 remedy="free space there, then the same command again",
@@ -127,23 +156,26 @@ class Journal:
         """Record the content hash of an input, so that it need not be read again."""
         self._db.execute("INSERT OR REPLACE INTO content VALUES (?, ?, ?)", (key, stamp, sha256))
 
-    def commit(self, key: bytes, rows: Sequence[Row], *, role: str = "query", stored: str = "") -> None:
-        """Replace the rows of one input, in one transaction."""
+    def commit(self, item: Committed, rows: Sequence[Row], *, role: str = "query") -> None:
+        """Replace the rows of one input, in one transaction with what identifies its content."""
         with self._transaction():
-            self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, key))
+            self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, item.key))
+            self._db.execute(
+                "INSERT OR REPLACE INTO content VALUES (?, ?, ?)", (item.key, item.stamp, rows[0].sha256)
+            )
             for row in rows:
                 record = row.as_record()
                 self._db.execute(
-                    f"INSERT INTO rows (key, role, stored, {', '.join(COLUMNS)}) "
+                    f"INSERT INTO rows (key, place, role, {', '.join(COLUMNS)}) "
                     f"VALUES (?, ?, ?, {', '.join('?' * len(COLUMNS))})",
-                    (key, role, stored, *(record[name] for name in COLUMNS)),
+                    (item.key, item.place, role, *(record[name] for name in COLUMNS)),
                 )
 
-    def done(self, *, retry_errors: bool = False, role: str = "query") -> dict[bytes, str]:
+    def done(self, *, retry_errors: bool = False) -> dict[bytes, str]:
         """Keys and content hashes of inputs that need no more work."""
-        where = "AND status != 'error'" if retry_errors else ""
-        query = f"SELECT key, sha256 FROM rows WHERE role = ? {where}"
-        return {row["key"]: row["sha256"] for row in self._db.execute(query, (role,))}
+        having = "HAVING SUM(status = 'error') = 0" if retry_errors else ""
+        query = f"SELECT key, sha256 FROM rows WHERE role = 'query' GROUP BY key {having}"
+        return {row["key"]: row["sha256"] for row in self._db.execute(query)}
 
     def rows(self, role: str = "query") -> Iterator[Row]:
         """All rows, ordered by input and person."""
@@ -151,10 +183,16 @@ class Journal:
         for record in self._db.execute(query, (role,)):
             yield Row.from_record(record)
 
-    def stored(self, name: str, role: str = "query") -> list[tuple[Row, str]]:
-        """Rows of the input called ``name``, each with its file in the keypoint store."""
-        query = "SELECT * FROM rows WHERE role = ? AND input = ? ORDER BY person"
-        return [(Row.from_record(r), r["stored"]) for r in self._db.execute(query, (role, name))]
+    def places(self) -> list[tuple[bytes, bytes]]:
+        """Key and path of every input that has rows."""
+        query = "SELECT DISTINCT key, place FROM rows WHERE role = 'query'"
+        return [(row["key"], row["place"]) for row in self._db.execute(query)]
+
+    def forget(self, keys: Sequence[bytes], *, role: str = "query") -> None:
+        """Delete the rows of inputs."""
+        with self._transaction():
+            for key in keys:
+                self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, key))
 
     def counts(self, role: str = "query") -> dict[str, int]:
         """Number of rows by status."""
@@ -162,10 +200,9 @@ class Journal:
         return {row["status"]: row["n"] for row in self._db.execute(query, (role,))}
 
     def clear(self) -> None:
-        """Forget all rows and facts; content hashes stay."""
+        """Forget all rows; content hashes stay."""
         with self._transaction():
             self._db.execute("DELETE FROM rows")
-            self._db.execute("DELETE FROM meta WHERE key != 'version'")
 
     def _transaction(self) -> _Transaction:
         return _Transaction(self._db)

@@ -2,33 +2,54 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
 import shutil
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from gesture_core.archive.atomic import replacing
 from gesture_core.archive.discovery import Input
-from gesture_core.archive.run import RunRequest
+
+_LONGEST = 120
+_ODD = re.compile(r"[^\w .=@+-]|^\.+$")
 
 
-def publish(stored: Path, item: Input, request: RunRequest) -> Path:
-    """Give a file of the keypoint store its place under ``<out>/keypoints/``.
-
-    The folders below the source are kept: ``videos/a/b.mp4`` becomes ``keypoints/a/b.mp4.parquet``.
-    """
-    target = request.out / "keypoints" / keypoint_file(item, request.sources)
+def publish(stored: Path, target: Path) -> None:
+    """Copy a file of the keypoint store to its place under ``<out>/keypoints/``."""
     with replacing(target) as temporary:
-        try:
-            os.link(stored, temporary)
-        except OSError:  # another file system, or one without links
-            shutil.copyfile(stored, temporary)
-    return target
+        shutil.copyfile(stored, temporary)
 
 
-def keypoint_file(item: Input, sources: tuple[str, ...]) -> Path:
-    """Path of an input's keypoint file below ``keypoints/``."""
-    roots = [Path(source) for source in sources if item.path != Path(source)]
-    inside = next((item.path.relative_to(r) for r in roots if item.path.is_relative_to(r)), None)
-    place = inside if inside is not None else Path(item.path.name)
-    member = f".{item.member.replace('/', '_')}" if item.member else ""
-    return place.with_name(f"{place.name}{member}.parquet")
+def keypoint_files(items: Sequence[Input], sources: Sequence[str]) -> dict[bytes, Path]:
+    """Place of each input's file below ``keypoints/``, by the input's key.
+
+    The folders below a source are kept: ``videos/a/b.mp4`` becomes ``a/b.mp4.parquet``. Names that
+    another input claims too, that are long, or that hold odd characters get a hash of the input's path.
+    """
+    plain = {item.key: _place(item, [Path(source) for source in sources]) for item in items}
+    claims = Counter(str(path).casefold() for path in plain.values())
+    return {
+        item.key: plain[item.key] if _plain(plain[item.key], claims) else _hashed(plain[item.key], item)
+        for item in items
+    }
+
+
+def _place(item: Input, roots: Sequence[Path]) -> Path:
+    inside = next(
+        (item.path.relative_to(r) for r in roots if item.path != r and item.path.is_relative_to(r)), None
+    )
+    place = inside if inside is not None else Path(item.path.name or "input")
+    return place.with_name(f"{place.name}{f'.{item.member}' if item.member else ''}".replace("/", "_"))
+
+
+def _plain(path: Path, claims: Counter[str]) -> bool:
+    ordinary = all(len(part) <= _LONGEST and not _ODD.search(part) for part in path.parts)
+    return ordinary and claims[str(path).casefold()] == 1
+
+
+def _hashed(path: Path, item: Input) -> Path:
+    stem = _ODD.sub("_", os.fsencode(path.name).decode("ascii", "replace"))[:_LONGEST]
+    return Path(f"{stem}-{hashlib.sha256(item.key).hexdigest()[:12]}")

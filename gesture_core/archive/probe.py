@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,13 @@ from gesture_core.settings import Settings
 from gesture_core.skeletons import skeleton
 
 
-def require_model(settings: Settings, identity: dict[str, Any], engine: str = "processes") -> None:
+def require_model(settings: Settings, identity: Mapping[str, Any], engine: str = "processes") -> None:
     """Try the network that ``settings`` name; what passed once is not tried again.
 
     Parameters
     ----------
     settings : Settings
-    identity : dict
+    identity : mapping
         From `fingerprint.pose_identity`.
     engine : str
         The execution engine whose worker tries it.
@@ -34,14 +35,14 @@ def require_model(settings: Settings, identity: dict[str, Any], engine: str = "p
     ModelError
         Where it cannot be loaded, kills its process, or answers with anything but keypoints.
     """
-    mark = cache_dir() / "probed" / settings_sha256(identity)[:32]
+    mark = cache_dir() / "probed" / settings_sha256(identity["video"])[:32]
     if mark.exists():
         return
     model = find_model(settings.pose.model)
     runner = registry().make(
         "engine", engine, settings.plugin_options(engine), workers=1, limits=settings.limits
     )
-    job = Job(settings, keypoint_store(), "", 1)
+    job = Job(settings, keypoint_store(), {}, 1)
     for outcome in runner.run(job, [Task(0, model.path, "probe")], lambda task, count: None):
         if outcome.code:
             raise ModelError(

@@ -43,6 +43,10 @@ class ProcessEngine:
     workers: int
     limits: LimitSettings
 
+    def __post_init__(self) -> None:
+        if self.workers < 1:
+            raise ValueError(f"workers is {self.workers}, at least 1")
+
     def run(
         self, job: Job, tasks: Sequence[Task], on_frames: Callable[[Task, int], None]
     ) -> Iterator[Outcome]:
@@ -102,16 +106,16 @@ def _messages(inbox: queue.Queue[Any]) -> Iterator[Any]:
 
 
 _DEATHS = {
-    "E_WORKER_CRASH": "--set pose.reader=… with the other video reader, or repair the file",
-    "E_WORKER_HANG": "--set limits.seconds=… with a larger figure, or repair the file",
-    "E_WORKER_MEMORY": "--set limits.memory=… with a larger figure, or fewer --workers",
+    "E_WORKER_CRASH": "repair the file, or --set pose.reader=… with the other video reader",
+    "E_WORKER_HANG": "--retry-errors and --set limits.seconds=… with a larger figure",
+    "E_WORKER_MEMORY": "--retry-errors and --set limits.memory=… with a larger figure",
 }
 
 
 def _death(task: Task, cause: tuple[str, str], words: str) -> Outcome:
     code, text = cause
     message = f"{text}{f' ({words})' if words else ''}; kept: nothing; try: {_DEATHS[code]}"
-    return Outcome(task.number, sha256=task.sha256, code=code, message=message, complete=False)
+    return Outcome(task.number, code=code, message=message, complete=False)
 
 
 class _Process:
@@ -157,6 +161,10 @@ class _Process:
 
     def failure(self) -> tuple[str, str] | None:
         """Code and cause where the process has ended or must be ended."""
+        if self.ended:  # it has closed its pipe, and may live on
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=2)
+            self._process.kill()
         if self.ended or self._process.poll() is not None:
             return "E_WORKER_CRASH", f"the worker process {_exit_text(self._process.wait())}"
         allowed = self._limits.seconds if self._ready else max(self._limits.seconds, _START_SECONDS)

@@ -68,11 +68,11 @@ class Row:
     fingerprint: str = ""
 
     def as_record(self) -> dict[str, Any]:
-        """The row as scalars: ``neighbors`` as JSON, ``selected`` joined by spaces."""
+        """The row as scalars: ``neighbors`` as JSON, ``selected`` joined by spaces, all text valid UTF-8."""
         record = asdict(self)
         record["neighbors"] = json.dumps(self.neighbors, ensure_ascii=False)
         record["selected"] = " ".join(self.selected)
-        return record
+        return {name: _valid(value) if isinstance(value, str) else value for name, value in record.items()}
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Row:
@@ -81,6 +81,10 @@ class Row:
         values["neighbors"] = tuple((e, label, d) for e, label, d in json.loads(record["neighbors"]))
         values["selected"] = tuple(record["selected"].split())
         return cls(**values)
+
+
+def _valid(text: str) -> str:
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 COLUMNS: tuple[str, ...] = tuple(f.name for f in fields(Row))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -110,12 +110,6 @@ class RunSummary:
         """All rows of the run folder, ordered by input."""
         with open_journal(self.out) as journal:
             return list(journal.rows())
-
-
-def result_rows(folder: str | os.PathLike[str]) -> Iterator[Row]:
-    """The rows of a run folder, ordered by input and person."""
-    with open_journal(folder) as journal:
-        yield from journal.rows()
 
 
 def default_workers(tasks: int) -> int:

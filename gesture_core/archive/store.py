@@ -22,11 +22,11 @@ from gesture_core.errors import KeypointError
 from gesture_core.skeletons import COCO18, skeleton
 from gesture_core.types import PoseSequence
 
-FORMAT = 1
+FORMAT = 2
 _METADATA = b"gesture_core"
 _MAGIC = b"PAR1"
-_MAX_BYTES = 2 << 30
-_MAX_ROWS = 50_000_000
+_MAX_BYTES = 1 << 30
+_MAX_ROWS = 5_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +65,13 @@ def write_keypoints(path: Path, sequences: Sequence[PoseSequence], facts: Mappin
     header = {
         "format": FORMAT,
         "skeleton": name,
-        "checksum": _checksum(columns),
         "people": [
             {"person": s.person, "frame_size": s.frame_size, "provenance": dict(s.provenance)}
             for s in sequences
         ],
         "facts": dict(facts),
     }
+    header["checksum"] = _checksum(header, columns)
     arrays = {key: pa.array(column, from_pandas=True) for key, column in columns.items()}
     table = pa.table(arrays).replace_schema_metadata({_METADATA: json.dumps(header, sort_keys=True)})
     with replacing(path) as temporary:
@@ -84,37 +84,40 @@ def read_keypoints(path: Path, source: str = "") -> Stored:
     Raises
     ------
     KeypointError
-        ``E_STORE`` where it is damaged, was written by another version, or its numbers do not
-        match its checksum.
+        ``E_STORE`` where it is damaged, was written by another version, or does not match its
+        checksum.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     subject = source or path.name
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise ValueError(f"larger than {_MAX_BYTES} bytes")
-        with path.open("rb") as file:
-            parquet = pq.ParquetFile(file)
-            if parquet.metadata.num_rows > _MAX_ROWS:
-                raise ValueError(f"{parquet.metadata.num_rows} rows")
-            header = json.loads((parquet.schema_arrow.metadata or {})[_METADATA])
-            if header["format"] != FORMAT:
-                raise ValueError(f"format {header['format']}, this version reads {FORMAT}")
-            table = parquet.read()
-        joints = skeleton(header["skeleton"]).joints
-        columns = {name: _column(table, name) for name in _names(joints)}
-        if _checksum(columns) != header["checksum"]:
-            raise ValueError("the numbers do not match their checksum")
-        sequences = [_sequence(entry, header["skeleton"], columns, subject) for entry in header["people"]]
-        return Stored(sequences, dict(header["facts"]))
-    except (OSError, pa.ArrowException, ValueError, KeyError, TypeError) as error:
+        return _read(path, subject)
+    except (Exception, RecursionError) as error:
         raise KeypointError(
             f"not a whole keypoint file: {error}",
             subject=subject,
             remedy="delete it and extract again",
             code="E_STORE",
         ) from error
+
+
+def _read(path: Path, subject: str) -> Stored:
+    import pyarrow.parquet as pq
+
+    if path.stat().st_size > _MAX_BYTES:
+        raise ValueError(f"larger than {_MAX_BYTES} bytes")
+    with path.open("rb") as file:
+        parquet = pq.ParquetFile(file)
+        if parquet.metadata.num_rows > _MAX_ROWS:
+            raise ValueError(f"{parquet.metadata.num_rows} rows, at most {_MAX_ROWS}")
+        header = json.loads((parquet.schema_arrow.metadata or {})[_METADATA])
+        if header["format"] != FORMAT:
+            raise ValueError(f"format {header['format']}, this version reads {FORMAT}")
+        names = _names(skeleton(header["skeleton"]).joints)
+        table = parquet.read(columns=names)
+    columns = {name: _column(table, name) for name in names}
+    if _checksum(header, columns) != header["checksum"]:
+        raise ValueError("the content does not match its checksum")
+    sequences = [_sequence(entry, header["skeleton"], columns, subject) for entry in header["people"]]
+    return Stored(sequences, dict(header["facts"]))
 
 
 def _names(joints: Sequence[str]) -> list[str]:
@@ -151,8 +154,10 @@ def _stack(parts: Sequence[np.ndarray], shape: tuple[int, ...], dtype: type) -> 
     return np.concatenate([np.empty((0, *shape), dtype), *parts])
 
 
-def _checksum(columns: Mapping[str, np.ndarray]) -> str:
-    digest = hashlib.sha256()
+def _checksum(header: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> str:
+    """Of the header (without the checksum itself) and the numbers."""
+    told = {key: value for key, value in header.items() if key != "checksum"}
+    digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
     for name, column in columns.items():
         digest.update(name.encode() + np.ascontiguousarray(column).tobytes())
     return digest.hexdigest()

@@ -23,29 +23,29 @@ class Job:
     settings : Settings
     store : Path
         Folder of the keypoint store.
-    pose_key : str
-        Hash of everything that decides the keypoints: a part of the names in the store.
+    keys : mapping
+        From `fingerprint.pose_keys`: hashes of what decides the keypoints, parts of names in the store.
     threads : int
         Of one worker's pose network.
     """
 
     settings: Settings
     store: Path
-    pose_key: str
+    keys: Mapping[str, str]
     threads: int = 1
 
     def as_dict(self) -> dict[str, Any]:
         return {
             "settings": self.settings.as_dict(),
             "store": os.fspath(self.store),
-            "pose_key": self.pose_key,
+            "keys": dict(self.keys),
             "threads": self.threads,
         }
 
     @classmethod
     def from_dict(cls, tree: Mapping[str, Any]) -> Job:
         return cls(
-            settings_from_dict(tree["settings"]), Path(tree["store"]), tree["pose_key"], tree["threads"]
+            settings_from_dict(tree["settings"]), Path(tree["store"]), dict(tree["keys"]), tree["threads"]
         )
 
 
@@ -64,8 +64,6 @@ class Task:
         The sequence inside a file or folder that holds several.
     reader : str
         Name of the keypoint reader; empty for a video.
-    sha256 : str
-        Of the content, where it is already known.
     """
 
     number: int
@@ -73,7 +71,6 @@ class Task:
     kind: str
     member: str = ""
     reader: str = ""
-    sha256: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         return {**asdict(self), "path": os.fsencode(self.path).hex()}
@@ -93,6 +90,8 @@ class Outcome:
         The task's.
     sha256 : str
         Of the content; empty where it could not be read.
+    stamp : str
+        Of the file as it was read, from `hashing.stamp`.
     stored : str
         File name in the keypoint store; empty after an error.
     cached : bool
@@ -119,6 +118,7 @@ class Outcome:
 
     number: int
     sha256: str = ""
+    stamp: str = ""
     stored: str = ""
     cached: bool = False
     people: int = 0

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import json
 import os
+import queue
 import signal
 import sys
-from typing import IO, Any
+import threading
+from typing import IO, Any, NoReturn
 
 from gesture_core.archive.work import Job, Task
 
 
-def main() -> int:
+def main() -> NoReturn:
     """Serve tasks until standard input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business
     replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
@@ -25,10 +27,12 @@ def main() -> int:
     from gesture_core.archive.extractor import Extractor
 
     extract = Extractor(Job.from_dict(header["job"]))
+    tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(tasks,), daemon=True).start()
     try:
         _reply(replies, {"ready": True})
-        for line in sys.stdin:
-            task = Task.from_dict(json.loads(line))
+        while True:
+            task = tasks.get()
 
             def report(frames: int, number: int = task.number) -> None:
                 _reply(replies, {"frames": frames, "number": number})
@@ -36,7 +40,13 @@ def main() -> int:
             _reply(replies, {"outcome": extract(task, report).as_dict()})
     except BrokenPipeError:  # the parent is gone; nobody is left to tell
         os._exit(1)
-    return 0
+
+
+def _listen(tasks: queue.SimpleQueue[Task]) -> None:
+    """Take tasks from the parent; when it is gone, end this process whatever it is doing."""
+    for line in sys.stdin:
+        tasks.put(Task.from_dict(json.loads(line)))
+    os._exit(0)
 
 
 def _reply(pipe: IO[str], message: dict[str, Any]) -> None:
@@ -57,4 +67,4 @@ def _limit_memory(mebibytes: int) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

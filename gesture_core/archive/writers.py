@@ -16,14 +16,14 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 class CsvWriter:
-    """Comma-separated values, UTF-8. Text that a spreadsheet would run as a formula gets a ``'``."""
+    """Comma-separated values (RFC 4180), UTF-8. Text that a spreadsheet would run gets a ``'``."""
 
     suffix = ".csv"
 
     def write(self, rows: Iterable[dict[str, Any]], columns: Sequence[str], path: Path) -> None:
         """Write ``rows`` to ``path``."""
         with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
+            writer = csv.writer(file)
             writer.writerow(columns)
             for row in rows:
                 writer.writerow([_cell(row[name]) for name in columns])

@@ -51,7 +51,7 @@ def compare(
     every = list(examples)
     if flipped:
         every += [mirrored(item) for item in examples if isinstance(item, Signals)]
-    distances = warping_distances(queries, every, spec=settings.dtw, kernel=name)
+    distances = warping_distances(queries, every, spec=settings.dtw, kernel=name, options=settings.options)
     if named and chosen.coverage:
         share = common_share(queries, every)  # type: ignore[arg-type]
         distances = np.divide(

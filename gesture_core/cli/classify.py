@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +11,7 @@ from cyclopts import Parameter
 from gesture_core.archive.run import RunRequest, RunSummary
 from gesture_core.cli.flags import Flags
 from gesture_core.cli.progress import progress
-from gesture_core.cli.screen import print_rows
+from gesture_core.cli.screen import print_rows, visible
 
 
 def classify(
@@ -71,7 +70,7 @@ def execute(request: RunRequest, *, quiet: bool = False) -> int:
     from gesture_core.archive.pipeline import run_archive
 
     with progress(quiet=quiet) as listener:
-        summary = run_archive(replace(request, out=Path(request.out)), listener)
+        summary = run_archive(request, listener)
     if not quiet:
         print_rows(summary.rows())
         say_summary(summary)
@@ -83,15 +82,15 @@ def say_summary(summary: RunSummary) -> None:
     total = sum(summary.counts.values())
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.counts.items()))
     database = summary.out / "run.db"
-    if not summary.done_now:
+    if summary.done_now:
+        speed = f", {summary.frames / summary.elapsed:.0f} frames/s" if summary.frames else ""
+        kernel = f", kernel {summary.kernel}" if summary.kernel else ""
+        took = f"{summary.done_now} inputs in {summary.elapsed:.1f} s{speed}{kernel}"
+        print(f"{total} rows: {counts}; {took}; {database}", file=sys.stderr)
+    else:
         print(f"nothing to do: all {total} rows are in {database} ({counts})", file=sys.stderr)
-        return
-    speed = f", {summary.frames / summary.elapsed:.0f} frames/s" if summary.frames else ""
-    kernel = f", kernel {summary.kernel}" if summary.kernel else ""
-    took = f"{summary.done_now} inputs in {summary.elapsed:.1f} s{speed}{kernel}"
-    print(f"{total} rows: {counts}; {took}; {database}", file=sys.stderr)
     for row in summary.failed_examples:
-        print(f"example left out: {row.code} {row.message}", file=sys.stderr)
+        print(f"example left out: {row.code} {visible(row.message)}", file=sys.stderr)
     if summary.lost_classes:
-        lost = ", ".join(summary.lost_classes)
+        lost = visible(", ".join(summary.lost_classes))
         print(f"no example of {lost} can be used: no input gets such a label", file=sys.stderr)

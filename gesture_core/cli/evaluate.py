@@ -112,16 +112,17 @@ def _load(
     out: Path | None,
 ) -> tuple[Labelled, dict[str, Any]]:
     """Keypoints of all inputs with their labels, and what the keypoints were made with."""
-    from gesture_core.archive.discovery import discover, label_inputs
+    from gesture_core.archive.discovery import discover
     from gesture_core.archive.extraction import extract_all
-    from gesture_core.archive.fingerprint import fingerprint, pose_identity
+    from gesture_core.archive.fingerprint import pose_identity
+    from gesture_core.archive.labels import label_inputs
     from gesture_core.archive.run import keypoint_store
     from gesture_core.archive.store import read_keypoints
     from gesture_core.classify.evaluation import Labelled
     from gesture_core.cli.progress import progress
     from gesture_core.types import PoseSequence
 
-    found = [item for item in discover(sources, avoid=out) if item.kind != "other"]
+    found = [item for item in discover(sources, avoid=out) if item.kind in ("video", "keypoints")]
     if not found:
         raise InputError("no video or keypoint file", subject=", ".join(sources), code="E_EMPTY")
     items = label_inputs(found, labels, sources)
@@ -132,7 +133,7 @@ def _load(
     with progress(quiet=False) as listener:
         listener.planned(len(items), len(items), 0, "")
         for outcome in extract_all(
-            items, settings, pose_key=fingerprint(identity), workers=workers, on_frames=listener.frames
+            items, settings, identity=identity, workers=workers, on_frames=listener.frames
         ):
             name = items[outcome.number].name
             hashes[outcome.number] = outcome.sha256

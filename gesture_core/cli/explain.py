@@ -82,9 +82,7 @@ def _row(rows: list[Row], name: str, person: int) -> Row:
 def _settings(configuration: dict[str, Any]) -> Settings:
     from gesture_core.settings import settings_from_dict
 
-    tree = dict(configuration.get("settings", {}))
-    tree["pose"] = configuration.get("pose", {}).get("pose", {})
-    return settings_from_dict(tree)
+    return settings_from_dict(configuration.get("settings", {}))
 
 
 def _keypoints(hashes: dict[str, str], settings: Settings) -> Iterator[tuple[str, list[PoseSequence]]]:

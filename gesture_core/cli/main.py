@@ -70,7 +70,10 @@ def run(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody reads; later flushes must not fail
         return EXIT_PIPE
     except OSError as error:
-        return _fail(f"E_OS {error}; kept: every committed row; try: the same command again", EXIT_FATAL)
+        return _fail(
+            f"E_OS {error}; kept: what was written before; try: check the disk and its permissions",
+            EXIT_FATAL,
+        )
     except KeyboardInterrupt:
         return _interrupted(arguments, 128 + signal.SIGINT)
     except _Terminated:
@@ -82,7 +85,9 @@ def _on_sigterm(_number: int, _frame: FrameType | None) -> None:
 
 
 def _fail(text: str, code: int) -> int:
-    print(text, file=sys.stderr)
+    from gesture_core.cli.screen import visible
+
+    print("\n".join(map(visible, text.split("\n"))), file=sys.stderr)
     return code
 
 
@@ -97,6 +102,6 @@ def _exit_code(error: GestureError) -> int:
         return EXIT_LOCKED
     usage = isinstance(error, ConfigError) or (
         isinstance(error, InputError | PluginError)
-        and error.code in ("E_NOT_FOUND", "E_EMPTY", "E_PLUGIN_UNKNOWN", "E_NO_RUN")
+        and error.code in ("E_NOT_FOUND", "E_EMPTY", "E_PLUGIN_UNKNOWN", "E_MANIFEST")
     )
     return EXIT_USAGE if usage or error.code == "E_NO_RUN" else EXIT_FATAL

@@ -67,6 +67,10 @@ class _Bar(Listener):
     def extracted(self, name: str, cached: bool) -> None:
         self._bar.advance(self._task)
 
+    def row(self, row: Row) -> None:
+        if not row.sha256 and row.status in ("skipped", "error"):  # never extracted
+            self._bar.advance(self._task)
+
     def example_failed(self, row: Row) -> None:
         self._bar.console.print(f"example left out: {row.code} {visible(row.message)}", markup=False)
 

@@ -33,7 +33,7 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, right:
     for column in columns:
         table.add_column(column, justify="right" if column in right else "left", overflow="fold")
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
+        table.add_row(*(Text(visible(cell)) for cell in row))
     console().print(table)
 
 
@@ -67,7 +67,7 @@ def result_table(rows: Sequence[Row]) -> None:
         nearest = visible(row.neighbors[0][0].rsplit("/", 1)[-1]) if row.neighbors else ""
         table.add_row(
             Text(name),
-            Text(row.label or "-"),
+            Text(visible(row.label or "-")),
             _number(row.distance),
             _number(row.margin),
             Text(nearest),

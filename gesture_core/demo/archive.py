@@ -12,7 +12,7 @@ import numpy as np
 from gesture_core.demo.drawing import backdrop_of, draw
 from gesture_core.demo.figure import joints, random_body
 from gesture_core.demo.motions import GESTURES, Style
-from gesture_core.errors import MediaError
+from gesture_core.errors import InputError, MediaError
 
 SIZE = (320, 240)
 FPS = 20
@@ -55,10 +55,22 @@ def write_archive(folder: Path, *, queries: int = 4, examples: int = 2, seed: in
 
     Raises
     ------
+    InputError
+        Where the folder holds anything but an earlier demonstration.
     MediaError
         Where OpenCV cannot write a video on this machine.
     """
     archive = DemoArchive.at(folder)
+    marker = folder / ".gesture-demo"
+    if folder.is_dir() and any(folder.iterdir()) and not marker.exists():
+        raise InputError(
+            "holds something else",
+            subject=str(folder),
+            remedy="an empty folder for the demonstration",
+            code="E_EMPTY",
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    marker.touch()
     rng = np.random.default_rng(seed)
     truth = []
     for label in GESTURES:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,11 +24,16 @@ GPU_ORDER = ("torch", "jax")
 
 _LARGEST = {np.dtype(np.float32): 1e9, np.dtype(np.float64): 1e100}
 
+Options = Mapping[str, Mapping[str, Any]]
 Series = Sequence[Signals | np.ndarray]
 
 
 def warping_distances(
-    queries: Series, examples: Series, spec: DtwSpec | None = None, kernel: str = "auto"
+    queries: Series,
+    examples: Series,
+    spec: DtwSpec | None = None,
+    kernel: str = "auto",
+    options: Options | None = None,
 ) -> np.ndarray:
     """Warping distances between every query and every example.
 
@@ -40,6 +45,8 @@ def warping_distances(
     spec : DtwSpec, optional
     kernel : str
         A registered distance kernel, or ``"auto"`` for the fastest installed one.
+    options : mapping, optional
+        Keyword arguments of kernels by their names.
 
     Returns
     -------
@@ -55,7 +62,7 @@ def warping_distances(
     """
     spec = DtwSpec() if spec is None else spec
     query_batch, example_batch = make_batches(queries, examples, spec)
-    name, chosen = choose_kernel(kernel, spec)
+    name, chosen = choose_kernel(kernel, spec, options)
     values = np.asarray(chosen.distances(chosen.prepare(example_batch, spec), query_batch))
     return check_distances(values, query_batch, example_batch, name)
 
@@ -89,8 +96,10 @@ def _all_float32(series: Series) -> bool:
     return all(isinstance(item, Signals) or np.asarray(item).dtype == np.float32 for item in series)
 
 
-def choose_kernel(name: str, spec: DtwSpec) -> tuple[str, DistanceKernel]:
+def choose_kernel(name: str, spec: DtwSpec, options: Options | None = None) -> tuple[str, DistanceKernel]:
     """The kernel called ``name``, or the fastest installed one that supports ``spec``.
+
+    ``options`` holds the keyword arguments of kernels by their names.
 
     Returns
     -------
@@ -102,7 +111,7 @@ def choose_kernel(name: str, spec: DtwSpec) -> tuple[str, DistanceKernel]:
         Where the named kernel is unknown or does not support ``spec``.
     """
     if name != "auto":
-        kernel = registry().make("kernel", name)
+        kernel = registry().make("kernel", name, (options or {}).get(name))
         if not kernel.supports(spec):
             raise PluginError(
                 f"distance kernel {name!r} does not compute {spec}",
@@ -115,7 +124,7 @@ def choose_kernel(name: str, spec: DtwSpec) -> tuple[str, DistanceKernel]:
     for candidate in (*gpu, *CPU_ORDER):
         if candidate not in usable:
             continue
-        kernel = registry().make("kernel", candidate)
+        kernel = registry().make("kernel", candidate, (options or {}).get(candidate))
         wanted = candidate not in gpu or getattr(kernel, "device", "cpu") != "cpu"
         if wanted and kernel.supports(spec):
             return candidate, kernel

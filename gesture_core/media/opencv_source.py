@@ -214,7 +214,7 @@ class OpenCvSource:
             raise self._error(
                 f"its frames of {width:g} x {height:g} pixels exceed the limit of {self._limits.max_pixels}",
                 "E_MEDIA_LIMIT",
-                "raise limits.max_pixels",
+                "--set limits.pixels=… with a larger figure",
             )
 
     def _get(self, prop: int) -> float:

@@ -294,7 +294,7 @@ class PyAvSource:
             raise self._error(
                 f"its frames of {width} x {height} pixels exceed the limit of {self._limits.max_pixels}",
                 "E_MEDIA_LIMIT",
-                "raise limits.max_pixels",
+                "--set limits.pixels=… with a larger figure",
             )
 
     def _error(self, cause: str, code: str, remedy: str) -> MediaError:

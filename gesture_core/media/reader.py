@@ -99,9 +99,12 @@ class VideoReader:
     def _check_limits(self, time: float) -> None:
         limits = self._limits
         if self._read >= limits.max_frames:
-            cause, remedy = f"holds more than {limits.max_frames} frames", "raise limits.max_frames"
+            cause, remedy = (
+                f"holds more than {limits.max_frames} frames",
+                "--set limits.frames=… with a larger figure",
+            )
         elif time > limits.max_seconds:
-            cause, remedy = f"is longer than {limits.max_seconds:g} s", "raise limits.max_seconds"
+            cause, remedy = f"is longer than {limits.max_seconds:g} s", "a larger Limits.max_seconds"
         else:
             return
         raise MediaError(

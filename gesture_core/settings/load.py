@@ -16,7 +16,7 @@ from typing import Any
 
 from gesture_core.errors import ConfigError
 from gesture_core.settings.sections import SECTIONS
-from gesture_core.settings.tree import DEFAULT_PRESET, Settings, change
+from gesture_core.settings.tree import DEFAULT_PRESET, Settings, change, with_options
 from gesture_core.settings.values import near
 
 ENVIRONMENT_PREFIX = "GESTURE_SET_"
@@ -77,26 +77,18 @@ def _split(text: str) -> tuple[str, str]:
     return key.strip(), value.strip()
 
 
-def _from_toml(name: str) -> Settings:
-    if name in presets():
-        text = (files("gesture_core") / "presets" / f"{name}.toml").read_text("utf-8")
-    elif Path(name).is_file():
-        text = Path(name).read_text("utf-8")
-    else:
-        raise ConfigError(
-            f"no preset {name!r}", remedy=f"one of {', '.join(presets())}, or a TOML file", code="E_PRESET"
-        )
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"not TOML: {error}", subject=name, code="E_PRESET") from None
-    tree.pop("description", None)
+def _from_toml(name: str, above: tuple[str, ...] = ()) -> Settings:
+    if name in above:
+        raise ConfigError(f"is its own base: {' -> '.join((*above, name))}", subject=name, code="E_PRESET")
+    tree = _tree(name)
     base = tree.pop("base", None)
-    settings = replace(_from_toml(base) if base else Settings(), preset=name)
-    options = {plugin: dict(given) for plugin, given in settings.options.items()}
-    for plugin, given in tree.pop("options", {}).items():
-        options.setdefault(plugin, {}).update(given)
-    settings = replace(settings, options=options)
+    if base is not None and not isinstance(base, str):
+        raise ConfigError(f"base = {base!r}", subject=name, remedy="the name of a preset", code="E_PRESET")
+    tree.pop("description", None)
+    if base and base not in presets():
+        base = str(Path(name).parent / base)
+    settings = replace(_from_toml(base, (*above, name)) if base else Settings(), preset=name)
+    settings = with_options(settings, tree.pop("options", {}), name)
     for section, values in tree.items():
         if section not in SECTIONS or not isinstance(values, dict):
             raise ConfigError(
@@ -104,3 +96,19 @@ def _from_toml(name: str) -> Settings:
             )
         settings = change(settings, section, values, name)
     return settings
+
+
+def _tree(name: str) -> dict[str, Any]:
+    """The TOML tree of a preset of the package, or of a file."""
+    try:
+        if name in presets():
+            text = (files("gesture_core") / "presets" / f"{name}.toml").read_text("utf-8")
+        else:
+            text = Path(name).read_text("utf-8")
+        return tomllib.loads(text)
+    except OSError:
+        raise ConfigError(
+            f"no preset {name!r}", remedy=f"one of {', '.join(presets())}, or a TOML file", code="E_PRESET"
+        ) from None
+    except ValueError as error:  # of TOML or of UTF-8
+        raise ConfigError(f"not TOML: {error}", subject=name, code="E_PRESET") from None

@@ -6,6 +6,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gesture_core.dtw.spec import DtwSpec
+from gesture_core.errors import ConfigError
+
+_INFINITE = float("inf")
+
+
+def _within(section: str, owner: object, bounds: dict[str, tuple[float, float]]) -> None:
+    """A ConfigError for the first number of ``owner`` outside its bounds; None is always inside."""
+    for name, (low, high) in bounds.items():
+        value = getattr(owner, name)
+        if value is not None and not low <= value <= high:
+            wanted = f"{low:g} to {high:g}" if high < _INFINITE else f"{low:g} or more"
+            raise ConfigError(f"{section}.{name} = {value!r}", remedy=wanted, code="E_OPTION")
 
 
 @dataclass(frozen=True)
@@ -34,12 +46,15 @@ class PoseSettings:
 
     backend: str = "onnx"
     model: str = "compact"
-    people: str = "single"
+    people: Literal["single", "multi"] = "single"
     height: int = 368
     follow: bool | None = None
     score: float = 0.1
     reader: str = "auto"
     fps: float = 30.0
+
+    def __post_init__(self) -> None:
+        _within("pose", self, {"height": (32, 4096), "score": (0, 1), "fps": (0.001, 100_000)})
 
 
 @dataclass(frozen=True)
@@ -71,6 +86,9 @@ class SignalSettings:
     filters: tuple[str, ...] = ("gaussian", "center")
     selector: str = "variance"
     still: Literal["refuse", "posture"] = "refuse"
+
+    def __post_init__(self) -> None:
+        _within("signals", self, {"max_gap": (0, _INFINITE), "min_seen": (0, 1), "min_frames": (1, 1e9)})
 
 
 @dataclass(frozen=True)
@@ -108,6 +126,10 @@ class ClassifySettings:
     mirror: float | None = None
     coverage: bool = False
 
+    def __post_init__(self) -> None:
+        bounds = {"neighbors": (1, 1e9), "reject": (-_INFINITE, _INFINITE), "reject_sd": (0, _INFINITE)}
+        _within("classify", self, {**bounds, "min_pose": (0, 1), "mirror": (1, _INFINITE)})
+
 
 @dataclass(frozen=True)
 class LimitSettings:
@@ -129,6 +151,10 @@ class LimitSettings:
     frames: int = 200_000
     seconds: float = 120.0
     memory: int = 4096
+
+    def __post_init__(self) -> None:
+        bounds = {"pixels": (1, 1e12), "frames": (1, 1e9), "seconds": (0.1, _INFINITE)}
+        _within("limits", self, {**bounds, "memory": (64, 1e9)})
 
 
 SECTIONS: dict[str, type] = {

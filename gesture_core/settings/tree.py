@@ -9,6 +9,7 @@ from typing import Any, get_type_hints
 
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
+from gesture_core.plugin import registry
 from gesture_core.settings.sections import (
     SECTIONS,
     ClassifySettings,
@@ -92,7 +93,7 @@ def _resolve(key: str, settings: Settings, origin: str) -> tuple[str, str]:
             raise ConfigError(
                 f"{origin} {key!r}: [{section}] has no {name!r}", remedy=near(name, _names(section))
             )
-        return section.removeprefix("options."), name
+        return _plugin(section.removeprefix("options."), origin), name
     owners = [s for s in SECTIONS if key in _names(s)]
     owners += [plugin for plugin, given in settings.options.items() if key in given]
     if len(owners) == 1:
@@ -102,6 +103,26 @@ def _resolve(key: str, settings: Settings, origin: str) -> tuple[str, str]:
     every = [f"{s}.{n}" for s in SECTIONS for n in _names(s)]
     bare = [n for s in SECTIONS for n in _names(s)]
     raise ConfigError(f"{origin} {key!r} is no setting", remedy=near(key, bare + every))
+
+
+def _plugin(name: str, origin: str) -> str:
+    """``name``, if there is a plugin to take its options; ``gaussian:wide`` is a second ``gaussian``."""
+    known = {plugin for _, plugin in registry().entries}
+    if name in SECTIONS or name.partition(":")[0] in known:
+        return name
+    raise ConfigError(
+        f"{origin} {name!r}: no such section or plugin", remedy=near(name, [*SECTIONS, *sorted(known)])
+    )
+
+
+def with_options(settings: Settings, options: Mapping[str, Any], origin: str) -> Settings:
+    """The settings with the options of plugins changed; a ConfigError for what is no plugin."""
+    merged = {plugin: dict(given) for plugin, given in settings.options.items()}
+    for plugin, given in options.items():
+        if not isinstance(given, Mapping):
+            raise ConfigError(f"{origin}: options.{plugin} is no table", remedy=f"[options.{plugin}]")
+        merged.setdefault(_plugin(plugin, origin), {}).update(given)
+    return replace(settings, options=merged)
 
 
 def _names(section: str) -> list[str]:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gesture_core.archive.discovery import discover, label_inputs, printable
+from gesture_core.archive.discovery import discover
+from gesture_core.archive.labels import label_inputs, printable
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, InputError
 

@@ -1,0 +1,118 @@
+"""Lists of inputs, and the labels of examples: from folders, tables, or regular expressions."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gesture_core.errors import ConfigError, InputError
+
+if TYPE_CHECKING:
+    from gesture_core.archive.discovery import Input
+
+_PATH_COLUMNS = ("path", "input", "file", "video")
+
+
+def printable(text: str) -> str:
+    """``text`` with bytes that are no UTF-8 written as ``\\xNN``, fit for SQLite and JSON."""
+    return os.fsencode(text).decode("utf-8", "backslashreplace") if os.name == "posix" else text
+
+
+def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
+    """Paths and labels listed in ``path``; None where it is no manifest.
+
+    A text manifest (``.txt``) has one path a line, a CSV manifest a column ``path`` and perhaps
+    ``label``. Relative paths start at the manifest's folder; lines that begin with ``#`` are comments.
+
+    Raises
+    ------
+    InputError
+        Where it looks like one and cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".txt", ".csv"):
+        return None
+    try:
+        with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+            if suffix == ".txt":
+                lines = [line.rstrip("\r\n") for line in file]
+                entries = [line for line in lines if line.strip() and not line.startswith("#")]
+                return [(path.parent / entry, None) for entry in entries]
+            rows = csv.DictReader(file)
+            column = next((c for c in _PATH_COLUMNS if c in (rows.fieldnames or ())), None)
+            if column is None:
+                return None
+            return [(path.parent / row[column], row.get("label") or None) for row in rows if row[column]]
+    except (OSError, csv.Error) as error:
+        raise InputError(
+            f"not a manifest: {error}", subject=printable(os.fspath(path)), code="E_MANIFEST"
+        ) from None
+
+
+def label_inputs(items: Sequence[Input], labels: str, roots: Sequence[str | os.PathLike[str]]) -> list[Input]:
+    """Give each input its label.
+
+    Parameters
+    ----------
+    items : sequence of Input
+    labels : str
+        ``folder``: the first folder below its root. A path to a ``.csv`` file with the columns
+        ``path`` and ``label``. Otherwise a regular expression whose group ``label``, or first
+        group, is searched in the name.
+    roots : sequence of path
+        The sources that the inputs were found in.
+
+    Raises
+    ------
+    ConfigError
+        Where the expression is wrong, or an input gets no label; a label from a manifest is kept.
+    """
+    find = _labeller(labels, [Path(root) for root in roots])
+    labelled = []
+    for item in items:
+        label = printable(item.label or find(item) or "")
+        if not label:
+            raise ConfigError(
+                f"no label for {item.name} by {labels!r}",
+                remedy="examples/<label>/<clip>, a CSV file with path and label, or a regular expression",
+                code="E_LABELS",
+            )
+        labelled.append(replace(item, label=label))
+    return labelled
+
+
+def _labeller(labels: str, roots: Sequence[Path]) -> Callable[[Input], str | None]:
+    if labels == "folder":
+        return lambda item: _folder_label(item.path, roots)
+    if labels.lower().endswith(".csv"):
+        entries = read_manifest(Path(labels)) if Path(labels).is_file() else None
+        if entries is None:
+            raise ConfigError("is no table with the columns path and label", subject=labels, code="E_LABELS")
+        table = {path.resolve(): label for path, label in entries}
+        return lambda item: table.get(item.path.resolve())
+    try:
+        pattern = re.compile(labels)
+    except re.error as error:
+        raise ConfigError(f"labels {labels!r} is no regular expression: {error}", code="E_LABELS") from None
+    if not pattern.groups:
+        raise ConfigError(f"labels {labels!r} has no group", remedy="(?P<label>…)", code="E_LABELS")
+
+    def search(item: Input) -> str | None:
+        match = pattern.search(item.member or item.path.name) or pattern.search(item.name)
+        return match.groupdict().get("label") or match.group(1) if match else None
+
+    return search
+
+
+def _folder_label(path: Path, roots: Sequence[Path]) -> str | None:
+    for root in roots:
+        if path.is_relative_to(root):
+            parts = path.relative_to(root).parts
+            if len(parts) > 1:
+                return printable(parts[0])
+    return None

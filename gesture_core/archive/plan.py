@@ -1,0 +1,188 @@
+"""What a run will do: found and checked before anything is changed."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from gesture_core.archive.discovery import Input, discover
+from gesture_core.archive.fingerprint import differences, fingerprint, pose_identity, run_configuration
+from gesture_core.archive.hashing import content_sha256, stamp
+from gesture_core.archive.journal import Journal
+from gesture_core.archive.keypoint_files import keypoint_files
+from gesture_core.archive.labels import label_inputs
+from gesture_core.archive.probe import require_model
+from gesture_core.archive.run import RunRequest
+from gesture_core.errors import ConfigError, InputError
+from gesture_core.settings import Settings
+from gesture_core.signals.chain import Chain
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The work of a run.
+
+    Attributes
+    ----------
+    settings : Settings
+        With the kernel that was chosen.
+    inputs, examples : list of Input
+    waiting : list of Input
+        Inputs that have no row for their content yet.
+    stamps : dict
+        Stamp of each input and example by its key; empty where it cannot be looked at.
+    hashes : dict
+        Content hash of each example by its key; empty for those that cannot be read.
+    identity : mapping
+        From `fingerprint.pose_identity`.
+    configuration : mapping
+        From `fingerprint.run_configuration`.
+    """
+
+    settings: Settings
+    inputs: list[Input]
+    examples: list[Input]
+    waiting: list[Input]
+    stamps: dict[bytes, str]
+    hashes: dict[bytes, str]
+    identity: Mapping[str, Any]
+    configuration: Mapping[str, Any]
+    sources: tuple[str, ...]
+
+    @property
+    def kernel(self) -> str:
+        """The distance kernel; empty where keypoints are only extracted."""
+        return self.settings.classify.kernel
+
+    @property
+    def fingerprint(self) -> str:
+        """Of everything that decides a row, but for the input."""
+        return fingerprint(self.configuration)
+
+    @cached_property
+    def keypoint_files(self) -> dict[bytes, Path]:
+        """Places of the keypoint files that an extraction leaves, by the inputs' keys."""
+        return keypoint_files(self.inputs, self.sources)
+
+
+def make_plan(request: RunRequest, journal: Journal) -> Plan:
+    """Find the inputs and examples and check everything that can be checked; then, and only then,
+    make the run folder's configuration that of this run.
+
+    Raises
+    ------
+    InputError, ConfigError, PluginError, ModelError
+        A source, setting, plugin or model that cannot be used, or a run folder made with other
+        settings (E_CONFIG_CHANGED). The journal is as it was.
+    """
+    settings = request.settings
+    inputs = discover(request.sources, avoid=request.out)
+    if not inputs:
+        raise InputError(
+            "holds no input", subject=", ".join(request.sources), remedy="another path", code="E_EMPTY"
+        )
+    examples = _examples(request)
+    kernel = ""
+    if examples:
+        from gesture_core.dtw.distances import choose_kernel
+
+        _check_neighbors(settings, len(examples))
+        Chain.from_settings(settings)
+        kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)[0]
+    settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
+    videos = any(item.kind == "video" for item in (*inputs, *examples))
+    identity = pose_identity(settings, with_model=videos)
+    stamps = {item.key: _stamp(item) for item in (*inputs, *examples)}
+    hashes = {item.key: _sha256(journal, item, stamps[item.key]) for item in examples}
+    configuration = run_configuration(settings, identity, [(e, hashes[e.key]) for e in examples], kernel)
+    changed = _changes(journal, configuration, overwrite=request.overwrite)
+    done = {} if changed or request.overwrite else journal.done(retry_errors=request.retry_errors)
+    waiting = [item for item in inputs if not _is_done(journal, item, stamps[item.key], done)]
+    if any(item.kind == "video" for item in (*waiting, *examples)) and waiting:
+        require_model(settings, identity, request.engine)
+    if changed or request.overwrite:
+        journal.clear()
+    journal.set({"configuration": configuration, "fingerprint": fingerprint(configuration)})
+    journal.forget(_gone(journal, inputs))
+    return Plan(settings, inputs, examples, waiting, stamps, hashes, identity, configuration, request.sources)
+
+
+def _examples(request: RunRequest) -> list[Input]:
+    if not request.examples:
+        return []
+    found = [item for item in discover(request.examples, avoid=request.out) if item.kind != "other"]
+    if not found:
+        raise InputError(
+            "holds no example",
+            subject=", ".join(request.examples),
+            remedy="examples/<label>/<clip>",
+            code="E_EMPTY",
+        )
+    return label_inputs(found, request.labels, request.examples)
+
+
+def _check_neighbors(settings: Settings, examples: int) -> None:
+    if not 1 <= settings.classify.neighbors <= examples:
+        raise ConfigError(
+            f"{settings.classify.neighbors} neighbours of {examples} examples",
+            remedy=f"--neighbors 1 to {examples}",
+            code="E_NEIGHBORS",
+        )
+
+
+def _stamp(item: Input) -> str:
+    """The file's stamp; empty where it cannot be looked at, which never counts as known."""
+    try:
+        return stamp(item.path)
+    except OSError:
+        return ""
+
+
+def _sha256(journal: Journal, item: Input, now: str) -> str:
+    """Content hash of an example, computed only where the file has been written since last time."""
+    known = journal.sha256(item.key, now) if now else ""
+    if known:
+        return known
+    try:
+        known = content_sha256(item.path)
+    except OSError:
+        return ""
+    journal.remember(item.key, now, known)
+    return known
+
+
+def _is_done(journal: Journal, item: Input, now: str, done: dict[bytes, str]) -> bool:
+    return bool(now) and item.key in done and journal.sha256(item.key, now) == done[item.key]
+
+
+def _changes(journal: Journal, configuration: Mapping[str, Any], *, overwrite: bool) -> bool:
+    """Whether the folder's rows were made with other settings; an error unless that is wanted."""
+    before = journal.get("configuration")
+    changed = differences(json.loads(before), configuration) if before else []
+    if not changed or not journal.places():
+        return bool(changed)
+    if not overwrite:
+        lines = "\n  ".join(changed[:20]) + (f"\n  and {len(changed) - 20} more" if changed[20:] else "")
+        raise ConfigError(
+            f"this folder holds a run made with other settings:\n  {lines}\n",
+            kept="its rows and all keypoints",
+            remedy="--overwrite to classify again (keypoints are reused), or another --out",
+            code="E_CONFIG_CHANGED",
+        )
+    return True
+
+
+def _gone(journal: Journal, inputs: Sequence[Input]) -> list[bytes]:
+    """Keys of rows whose input no longer exists, or is now read in another way."""
+    keys = {item.key for item in inputs}
+    places = {item.place for item in inputs}
+    return [
+        key
+        for key, place in journal.places()
+        if key not in keys and (place in places or not os.path.lexists(place))
+    ]
