@@ -167,7 +167,7 @@ def check_single_frames(kernel: DistanceKernel) -> None:
     batch = SignalBatch(values, np.ones(3, np.int64), every, every)
     expected = np.abs(values[:, 0] - values[:, 0].T)
     for mode in ("independent", "dependent"):
-        spec = DtwSpec(mode=mode)  # type: ignore[arg-type]
+        spec = DtwSpec(mode=mode)
         np.testing.assert_array_equal(kernel.distances(kernel.prepare(batch, spec), batch), expected)
 
 
@@ -177,7 +177,7 @@ def check_nothing_in_common(kernel: DistanceKernel) -> None:
     other = SignalBatch(batch.values, batch.lengths, batch.masks, batch.present.copy())
     other.present[1] = False
     for mode in ("independent", "dependent"):
-        spec = DtwSpec(mode=mode)  # type: ignore[arg-type]
+        spec = DtwSpec(mode=mode)
         got = kernel.distances(kernel.prepare(other, spec), batch)
         assert np.isinf(got[:, 1]).all() and np.isfinite(np.delete(got, 1, axis=1)).all()
 
@@ -198,7 +198,9 @@ def check_bits(kernel: DistanceKernel) -> None:
             order = rng.permutation(70)
             turned = kernel.distances(kernel.prepare(subset(examples, order), spec), queries)
             np.testing.assert_array_equal(turned, whole[:, order], err_msg=f"order, {spec}")
-            one = kernel.distances(kernel.prepare(subset(examples, order[:1]), spec), subset(queries, [2]))
+            one = kernel.distances(
+                kernel.prepare(subset(examples, order[:1]), spec), subset(queries, np.array([2]))
+            )
             np.testing.assert_array_equal(one, whole[2:3, order[:1]], err_msg=f"alone, {spec}")
             wide = SignalBatch(
                 np.pad(examples.values, ((0, 0), (0, 50), (0, 0))),
