@@ -253,7 +253,7 @@ def main() -> int:
     parser.add_argument("--student", default="compact", help="name or file of the network to judge")
     parser.add_argument("--only", default="A,B,C", help="gates to run")
     parser.add_argument("--every", type=int, default=1, help="every n-th gesture video for A2 and A3")
-    parser.add_argument("--preset", default="paper", help="preset of B1")
+    parser.add_argument("--preset", default="modern", help="preset of B1")
     parser.add_argument("--step", type=int, default=1, help="every n-th frame for B1")
     parser.add_argument("--rounds", type=int, default=8, help="of each timing, interleaved; the best counts")
     parser.add_argument("--threads", type=int, default=0, help="of onnxruntime; 0: its own choice")
