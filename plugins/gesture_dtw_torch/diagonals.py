@@ -42,11 +42,8 @@ def border_value(x: Tensor) -> float:
     return 1e32 if x.dtype == torch.float32 else 1e250
 
 
-def local_costs(x: Tensor, y: Tensor, cost: str, out: Tensor | None = None) -> Tensor:
+def local_costs(x: Tensor, y: Tensor, cost: str) -> Tensor:
     """(K, P) costs of (K, C, P) frames, summed over the dimensions in their order."""
-    if x.shape[1] == 1 and out is not None:
-        torch.sub(x[:, 0], y[:, 0], out=out)
-        return out.abs_() if cost != "squared" else out.mul_(out)
     total = None
     for c in range(x.shape[1]):
         term = x[:, c] - y[:, c]
@@ -71,10 +68,16 @@ def hard_diagonals(x: Tensor, y: Tensor, n: Tensor, m: Tensor, band: Band | None
         if k == 1:
             now[0] = border_value(x)
         size = stop - first
-        c = local_costs(x[first:stop], flipped[window], cost, local[:size])
         v = torch.minimum(last[first:stop], last[first + 1 : stop + 1], out=least[:size])
         torch.minimum(v, before[first:stop], out=v)
-        torch.add(v, c, out=now[first + 1 : stop + 1])
+        if x.shape[1] == 1:
+            d = torch.sub(x[first:stop, 0], flipped[window, 0], out=local[:size])
+            if cost == "squared":
+                torch.addcmul(v, d, d, out=now[first + 1 : stop + 1])
+            else:
+                torch.add(v, d.abs_(), out=now[first + 1 : stop + 1])
+        else:
+            torch.add(v, local_costs(x[first:stop], flipped[window], cost), out=now[first + 1 : stop + 1])
         _forbid(now, k, first, stop, band)
         if k in ends:
             result[ends[k]] = now[n[ends[k]], ends[k]]

@@ -24,9 +24,9 @@ KERNELS = [
     for name in registry().names("kernel", usable=True)
     if getattr(registry().load("kernel", name), "exact", True)
 ]
-SIZES = ((300, 1, 9), (90, 3, 20), (24, 36, 24), (40, 6, 26))
+SIZES = ((300, 1, 10), (90, 2, 26), (16, 36, 30), (40, 3, 34))
 """Longest series, dimensions, and series on each side of an example."""
-EXAMPLES = 28
+EXAMPLES = 18
 
 
 @st.composite
@@ -115,7 +115,7 @@ def test_compiled_code_runs_where_no_folder_can_be_written(tmp_path: Path) -> No
     pytest.importorskip("numba")
     code = (
         "import numba.core.caching as c\n"
-        "c._CacheImpl.__init__ = lambda *a: (_ for _ in ()).throw(RuntimeError('no locator available'))\n"
+        "c.CacheImpl._locator_classes = []\n"
         "import numpy as np; from gesture_core import warping_distances\n"
         "print(warping_distances([np.zeros(3)], [np.ones(3)], kernel='numba')[0, 0])"
     )
