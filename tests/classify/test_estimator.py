@@ -45,7 +45,7 @@ def test_fit_predict_score(preset: str) -> None:
 
 def test_kneighbors_index_into_what_was_given_to_fit() -> None:
     poses, labels = data()
-    model = GestureClassifier().fit(poses, labels)
+    model = GestureClassifier("paper").fit(poses, labels)
     distances, indices = model.kneighbors(poses, 2)
     assert distances.shape == indices.shape == (9, 2)
     np.testing.assert_array_equal(indices[:, 0], np.arange(9))
@@ -72,9 +72,9 @@ def test_scikit_learn_takes_it_for_a_classifier() -> None:
     assert twin is not model
     assert twin.get_params() == model.get_params()
     assert is_classifier(model)
-    scores = cross_val_score(GestureClassifier(), poses, labels, cv=3)
+    scores = cross_val_score(GestureClassifier("paper"), poses, labels, cv=3)
     assert scores.tolist() == [1, 1, 1]
-    search = GridSearchCV(GestureClassifier(), {"n_neighbors": [1, 2]}, cv=3).fit(poses, labels)
+    search = GridSearchCV(GestureClassifier("paper"), {"n_neighbors": [1, 2]}, cv=3).fit(poses, labels)
     assert search.best_score_ == 1.0
 
 
@@ -90,7 +90,7 @@ def test_it_works_without_scikit_learn() -> None:
         "import sys; sys.modules['sklearn'] = None\n"
         "import numpy as np; from gesture_core import GestureClassifier\n"
         "up, down = np.linspace(0, 1, 20)[:, None], np.linspace(1, 0, 25)[:, None]\n"
-        "m = GestureClassifier(kernel='numpy').fit([up, down], ['up', 'down'])\n"
+        "m = GestureClassifier('paper', kernel='numpy').fit([up, down], ['up', 'down'])\n"
         "print(m.predict([up[::2], down[::3]]).tolist(), m)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
@@ -110,7 +110,7 @@ def test_arrays_are_compared_as_they_are_and_labels_keep_their_type() -> None:
 def test_a_bad_query_gets_its_own_row_and_predict_names_it() -> None:
     poses, labels = data()
     still = pose(swing("right_wrist", 1, 0.0, 30, 0))
-    model = GestureClassifier().fit(poses, labels)
+    model = GestureClassifier("paper").fit(poses, labels)
     rows = model.predictions([poses[0], still, poses[4]])
     assert [row.label for row in rows] == ["up", None, "twice"]
     assert (rows[1].status, rows[1].code) == ("error", "E_NO_SALIENT")
@@ -136,7 +136,7 @@ def test_before_fit_and_with_uneven_lists() -> None:
     with pytest.raises(InputError, match="fit"):
         GestureClassifier().predict([np.zeros((3, 1))])
     with pytest.raises(InputError, match="E_EXAMPLES"):
-        GestureClassifier().fit([np.zeros((3, 1))], [])
+        GestureClassifier("paper").fit([np.zeros((3, 1))], [])
 
 
 def with_classify(**values: object) -> Settings:

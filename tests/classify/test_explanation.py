@@ -73,7 +73,7 @@ def test_a_decision_is_explained_by_the_distances_that_made_it(preset: str, tmp_
 
 
 def test_one_class_has_no_runner_up_and_still_a_plot(tmp_path: Path) -> None:
-    model = GestureClassifier().fit([pose(swing())], ["up"])
+    model = GestureClassifier("paper").fit([pose(swing())], ["up"])
     (query,) = model.signals([pose(swing(size=80))])
     found = explain(query, model.library_, model.distances([query])[0], model._settings())
     assert found.runner_up is None
@@ -81,7 +81,7 @@ def test_one_class_has_no_runner_up_and_still_a_plot(tmp_path: Path) -> None:
 
 
 def test_nothing_in_common_cannot_be_explained() -> None:
-    model = GestureClassifier().fit([pose(swing())], ["up"])
+    model = GestureClassifier("paper").fit([pose(swing())], ["up"])
     (query,) = model.signals([pose(swing())])
     with pytest.raises(InputError, match="E_NO_COMMON"):
         explain(query, model.library_, np.array([np.nan]), load_settings("paper", environment={}))
