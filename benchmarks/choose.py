@@ -16,7 +16,6 @@ all subjects. `transfer` leaves out utd_openpose as a whole.
 
 from __future__ import annotations
 
-import pickle
 import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -138,8 +137,17 @@ def donor_loss(problem: Problem, distances: np.ndarray) -> float:
     return float(np.mean(losses)) if losses else 0.0
 
 
-def load(name: str, items: list[Item], kernel: str) -> Problem:
-    """Distances of every term on one data set."""
+def kept(folder: Path | None, name: str) -> Problem | None:
+    """A problem whose matrices an earlier run left in ``folder``."""
+    path = folder / f"{name}.npz" if folder else None
+    if path is None or not path.is_file():
+        return None
+    with np.load(path, allow_pickle=False) as found:
+        return Problem(name, *(found[key] for key in ("labels", "subjects", "groups", "same", "other")))
+
+
+def load(name: str, items: list[Item], kernel: str, folder: Path | None = None) -> Problem:
+    """Distances of every term on one data set, kept in ``folder`` where one is given."""
     items = sorted(items, key=lambda item: item.label)
     modern = load_settings("modern", signals__selector="all")
     same, other = [], []
@@ -156,7 +164,12 @@ def load(name: str, items: list[Item], kernel: str) -> Problem:
         same.append(found[:, : len(items)])
         other.append(found[:, len(items) :])
     facts = [np.array([getattr(item, key) for item in items]) for key in ("label", "subject", "group")]
-    return Problem(name, *facts, np.float32(same), np.float32(other))
+    problem = Problem(name, *facts, np.float32(same), np.float32(other))
+    if folder:
+        folder.mkdir(parents=True, exist_ok=True)
+        arrays = {key: getattr(problem, key) for key in ("labels", "subjects", "groups", "same", "other")}
+        np.savez(folder / f"{name}.npz", **arrays)
+    return problem
 
 
 def search(problems: list[Problem], starts: int) -> tuple[np.ndarray, float, float]:
@@ -218,17 +231,15 @@ def main() -> int:
     parser.add_argument("--starts", type=int, default=3)
     parser.add_argument("--kernel", default="auto")
     parser.add_argument("--nested", action="store_true", help="repeat the search without each subject")
-    parser.add_argument("--cache", type=Path, help="file of your own that keeps the matrices")
+    parser.add_argument("--cache", type=Path, help="folder of your own that keeps the matrices")
     given = parser.parse_args()
     readers = {"utd_openpose": utd_openpose, "utd_skeleton": utd_skeleton}
     readers |= {"body_gesture": body_gesture, "pose_trainer": pose_trainer}
     sources = {name: read(given.shared) for name, read in readers.items()}
-    if given.cache and given.cache.is_file():
-        problems = pickle.loads(given.cache.read_bytes())
-    else:
-        problems = [load(name, items, given.kernel) for name, items in sources.items()]
-        if given.cache:
-            given.cache.write_bytes(pickle.dumps(problems))
+    problems = [
+        kept(given.cache, name) or load(name, items, given.kernel, given.cache)
+        for name, items in sources.items()
+    ]
     weights, mirror, loss = search(problems, given.starts)
     print(f"loss {loss:.4f}\n{as_toml(weights, mirror)}\n", flush=True)
     if not given.nested:

@@ -70,7 +70,7 @@ def _prediction(
             "rejected",
             code="E_NO_SALIENT",
             message="nothing moves enough, and no example is that still; "
-            "a person who stands still makes no gesture",
+            "a person who stands still makes no gesture; try: an example of the posture, if it is a class",
         )
     if winner < 0:
         return Prediction(
