@@ -157,6 +157,12 @@ class Extractor:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
             sequences = [replace(best, person=0)]
         frames = max((len(sequence) for sequence in sequences), default=0)
+        if frames > settings.limits.frames:
+            raise KeypointError(
+                f"holds {frames} frames, at most {settings.limits.frames}",
+                remedy="a larger --set limits.frames=…",
+                code="E_KEYPOINTS_LIMIT",
+            )
         seconds = max((float(s.times[-1] - s.times[0]) for s in sequences if len(s)), default=0.0)
         return [s for s in sequences if s.frames_with_pose], {
             "frames_declared": None,
