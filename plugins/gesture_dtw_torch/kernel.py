@@ -25,6 +25,7 @@ class TorchKernel(LaneKernel):
 
     where: str = "auto"
 
+    lane_cells = 1 << 18
     lane_count = 4096
 
     @cached_property
