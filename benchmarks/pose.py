@@ -112,7 +112,7 @@ def utd(shared: Path, networks: list[Extractor]) -> list[Gate]:
     """A1, and the figure of the reader's own reference: hpe0001 at 368."""
     videos = sorted(need(shared / "data" / "utd_openpose" / "videos").glob("*.avi"))
     gates = []
-    for number, network in enumerate(networks):
+    for network in networks:
         found = []
         total = 0
         for video in videos:
