@@ -19,7 +19,7 @@ from gesture_core.settings.sections import (
 )
 from gesture_core.settings.values import near, read_value, toml_value
 
-DEFAULT_PRESET = "paper"
+DEFAULT_PRESET = "modern"
 
 
 @dataclass(frozen=True)
