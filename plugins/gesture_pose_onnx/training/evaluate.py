@@ -21,7 +21,7 @@ from .label import Box, box_of
 from .teachers import Teachers, apply, square
 
 SIZE, STRIDE = 192, 4
-FOUND = 0.1  # a joint is found where its peak is higher, as in OpenPose's decoding
+FOUND = 0.25  # a joint is found where its peak is higher: see the model card for what other values cost
 SURE = 0.3  # a joint of the teacher counts as visible from this peak on
 
 
