@@ -26,7 +26,7 @@ KERNELS = [
 ]
 SIZES = ((300, 1, 10), (90, 2, 26), (16, 36, 30), (40, 3, 34))
 """Longest series, dimensions, and series on each side of an example."""
-EXAMPLES = 16
+EXAMPLES = 18
 
 
 @st.composite
