@@ -49,6 +49,8 @@ class ModelContract:
         Pictures in one run where the file fixes it.
     follow : bool
         Whether a crop that follows the person pays: small inputs, single-person networks.
+    crop : float
+        Side of that crop over the reach of the body (raised hand to foot), as suits the network best.
     licence, attribution : str
         Of the weights.
     """
@@ -67,6 +69,7 @@ class ModelContract:
     stride: int = 8
     batch: int | None = None
     follow: bool = False
+    crop: float = 1.1
     licence: str = ""
     attribution: str = ""
 
@@ -89,6 +92,8 @@ class ModelContract:
             _within(name, size, 1, 4096)
         for side in self.input_size or ():
             _within("input_size", side, 1, 4096)
+        if not isinstance(self.crop, int | float) or not 0.5 <= self.crop <= 4:
+            raise ModelError(f"crop {self.crop!r} of a contract is not in 0.5..4", code="E_MODEL_CONTRACT")
         for name in ("channels_first", "follow"):
             _one_of(name, getattr(self, name), (True, False))
 

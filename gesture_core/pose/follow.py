@@ -27,8 +27,9 @@ class FollowRules:
 
     Attributes
     ----------
-    size : float
-        Side of the window over the reach of the body (raised hand to foot).
+    size : float or None
+        Side of the window over the reach of the body (raised hand to foot); None takes the one of
+        the network's contract.
     sure : float
         Confidence from which a find needs no further search.
     lost : float
@@ -49,7 +50,7 @@ class FollowRules:
         The window is moved once the body has moved or grown by this share of the window.
     """
 
-    size: float = 1.1
+    size: float | None = None
     sure: float = 0.65
     lost: float = 0.5
     nobody: float = 0.15
@@ -74,6 +75,7 @@ class Follower:
         self.backend = backend
         self.rules = rules or FollowRules()
         self.anatomy = Anatomy(skeleton(backend.skeleton))
+        self.size = self.rules.size or getattr(getattr(backend, "contract", None), "crop", 1.1)
         self.searches = 0
         self._window: Window | None = None
         self._level = 0.0
@@ -142,7 +144,7 @@ class Follower:
             self._window = wanted
 
     def _around(self, body: Body, frame: np.ndarray) -> Window:
-        return Window.around(body, self.rules.size, (frame.shape[1], frame.shape[0]))
+        return Window.around(body, self.size, (frame.shape[1], frame.shape[0]))
 
     def _search(self, frame: np.ndarray) -> Window:
         """The window around the best person in the frame; the whole frame where nobody is."""

@@ -76,7 +76,7 @@ def test_the_last_stage_counts() -> None:
         {"layout": "magic"}, {"colour": "grey"}, {"dtype": "float16"}, {"skeleton": "cat"}, {"mean": (1.0,)},
         {"input_size": (0, 10)}, {"stride": 0}, {"multiple": 5000}, {"wings": 2}, {"mean": 3},
         {"input_size": (10,)}, {"scale": ("a", "b", "c")}, {"stride": "8"}, {"pad": 300}, {"batch": 0},
-        {"follow": "yes"},
+        {"follow": "yes"}, {"crop": 0}, {"crop": "1"},
     ],
 )  # fmt: skip
 def test_impossible_contracts_are_refused(change: dict) -> None:
