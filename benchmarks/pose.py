@@ -69,7 +69,11 @@ class Extractor:
         self.name = found.name
         self.follow = follow
         source = Path(sys.modules["gesture_core.pose.follow"].__file__ or "").read_bytes()
-        code = hashlib.sha256(source).hexdigest()[:8] if self.following else "still"
+        code = (
+            hashlib.sha256(source + repr(found.contract).encode()).hexdigest()[:8]
+            if self.following
+            else "still"
+        )
         self.folder = cache / f"{found.name}-{found.sha256[:12]}-{code}"
 
     @property

@@ -18,6 +18,7 @@ import numpy as np
 
 from gesture_core.plugin.kinds import Person, PoseBackend
 from gesture_core.pose.body import Anatomy, Body, Window
+from gesture_core.pose.contracts import ModelContract
 from gesture_core.skeletons import skeleton
 
 
@@ -75,7 +76,8 @@ class Follower:
         self.backend = backend
         self.rules = rules or FollowRules()
         self.anatomy = Anatomy(skeleton(backend.skeleton))
-        self.size = self.rules.size or getattr(getattr(backend, "contract", None), "crop", 1.1)
+        contract: ModelContract | None = getattr(backend, "contract", None)
+        self.size: float = self.rules.size or (contract.crop if contract else ModelContract.crop)
         self.searches = 0
         self._window: Window | None = None
         self._level = 0.0
