@@ -95,8 +95,7 @@ def _tensor(view: memoryview) -> Tensor:
             name = _text(value)
         elif number == 2 and isinstance(value, memoryview):
             for _, tensor in (f for f in _fields(value) if f[0] == 1):
-                assert isinstance(tensor, memoryview)
-                for part, inner in _fields(tensor):
+                for part, inner in _fields(_message(tensor)):
                     if part == 1 and isinstance(inner, int):
                         kind = inner
                     elif part == 2 and isinstance(inner, memoryview):
@@ -105,11 +104,16 @@ def _tensor(view: memoryview) -> Tensor:
 
 
 def _dimension(view: memoryview | int) -> int | None:
-    assert isinstance(view, memoryview)
-    for number, value in _fields(view):
+    for number, value in _fields(_message(view)):
         if number == 1 and isinstance(value, int) and 0 < value < 1 << 31:
             return value
     return None
+
+
+def _message(value: memoryview | int) -> memoryview:
+    if isinstance(value, int):
+        raise ValueError("a number where a message belongs")
+    return value
 
 
 def _text(value: memoryview | int) -> str:
