@@ -51,6 +51,8 @@ class ModelContract:
         Whether a crop that follows the person pays: small inputs, single-person networks.
     crop : float
         Side of that crop over the reach of the body (raised hand to foot), as suits the network best.
+    score : float
+        Confidence below which a joint is missing, unless the user sets another.
     licence, attribution : str
         Of the weights.
     """
@@ -70,6 +72,7 @@ class ModelContract:
     batch: int | None = None
     follow: bool = False
     crop: float = 1.1
+    score: float = 0.1
     licence: str = ""
     attribution: str = ""
 

@@ -43,7 +43,8 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
     # A backend takes what it knows: one that asks a service has no height and no threads.
     takes = inspect.signature(found.load("pose", pose.backend)).parameters
     every = any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes.values())
-    common = {"height": pose.height, "score": pose.score, "threads": threads}
+    common: dict[str, float] = {"height": pose.height, "threads": threads}
+    common |= {} if pose.score is None else {"score": pose.score}
     options = {name: value for name, value in common.items() if every or name in takes}
     options |= settings.plugin_options(pose.backend)
     backend: PoseBackend = found.make("pose", pose.backend, options, model=find_model(pose.model))

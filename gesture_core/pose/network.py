@@ -31,8 +31,8 @@ class NetworkBackend(ABC):
     model : ModelFile
     height : int, optional
         Pixels that a picture's height is scaled to where the network takes any size.
-    score : float
-        Joints below this confidence are missing.
+    score : float, optional
+        Joints below this confidence are missing; the contract's figure by default.
     batch_size : int
         Frames that run together, where the network takes batches.
     threads : int
@@ -46,22 +46,27 @@ class NetworkBackend(ABC):
         self,
         model: ModelFile,
         height: int | None = None,
-        score: float = 0.1,
+        score: float | None = None,
         batch_size: int = 8,
         threads: int = 0,
     ) -> None:
-        if not 0 <= score <= 1 or batch_size < 1 or threads < 0 or (height is not None and height < 32):
+        if (
+            not 0 <= (score or 0) <= 1
+            or batch_size < 1
+            or threads < 0
+            or (height is not None and height < 32)
+        ):
             raise ValueError(
                 f"score {score}, batch_size {batch_size}, threads {threads}, height {height}: score lies in "
                 "0..1, batch_size is at least 1, threads at least 0, height at least 32"
             )
         self.model = model
         self.height = height
-        self.score = score
         self.threads = threads
-        self.rules = AssemblyRules(peak=max(score, 0.05))
         self.open(model)
         self.contract = model.contract or self._probe()
+        self.score = self.contract.score if score is None else score
+        self.rules = AssemblyRules(peak=max(self.score, 0.05))
         self.batch_size = self.contract.batch or batch_size
         self.skeleton = self.contract.skeleton
 

@@ -36,8 +36,8 @@ class PoseSettings:
         Height in pixels that a picture is scaled to, for networks that take any size.
     follow : bool or None
         Crop to the person and follow them; None lets the model decide.
-    score : float
-        Joints below this confidence are missing.
+    score : None or float
+        Joints below this confidence are missing; None leaves it to the model.
     reader : str
         Video reader: ``auto``, ``pyav`` or ``opencv``.
     fps : float
@@ -49,7 +49,7 @@ class PoseSettings:
     people: Literal["single", "multi"] = "single"
     height: int = 368
     follow: bool | None = None
-    score: float = 0.1
+    score: float | None = None
     reader: str = "auto"
     fps: float = 30.0
 
