@@ -24,7 +24,7 @@ def distance(x: np.ndarray, y: np.ndarray, spec: DtwSpec) -> float:
     return reference_distance(x, y, spec)
 
 
-# Printed by the named libraries for these series; benchmarks/kernels.py asks them again, live.
+# Printed by the named libraries for these series.
 CONVENTIONS = {
     "dtaidistance 2.5.1 dtw.distance": (X, Y, SQUARED.replace(root=True), 2.345207879911715),
     "dtaidistance 2.5.1 dtw_ndim.distance": (XX, YY, SQUARED.replace(root=True), 3.233033315922637),
