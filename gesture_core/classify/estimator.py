@@ -92,18 +92,19 @@ class GestureClassifier:
         settings = self._settings()
         library = ExampleLibrary.of(self.signals(X), list(y), names)
         indices = np.arange(len(library))
-        wanted = self._rejection(settings)
+        limit, calibrated = self._rejection(settings, library)
         self.thresholds_: np.ndarray | None = None
-        if settings.classify.representative or wanted == "calibrated":
+        if settings.classify.representative or calibrated:
             within = self._distances(library.series, library.series)
-            if wanted == "calibrated":
+            if calibrated:
                 sd = settings.classify.reject_sd
                 codes, count = library.codes, len(library.classes)
                 self.thresholds_ = calibrated_thresholds(within, codes, count, 3.0 if sd is None else sd)
             if settings.classify.representative:
                 indices = medoids(within, library.codes)
-        if isinstance(wanted, float):
-            self.thresholds_ = np.full(len(library.classes), wanted)
+        if limit is not None:
+            limits = np.full(len(library.classes), limit)
+            self.thresholds_ = limits if self.thresholds_ is None else np.minimum(self.thresholds_, limits)
         self.library_ = library.take(indices)
         self.example_indices_ = indices
         self.classes_ = self.library_.classes
@@ -216,18 +217,20 @@ class GestureClassifier:
     def _k(self) -> int:
         return self._settings().classify.neighbors if self.n_neighbors is None else self.n_neighbors
 
-    def _rejection(self, settings: Settings) -> float | str | None:
+    def _rejection(self, settings: Settings, library: ExampleLibrary) -> tuple[float | None, bool]:
+        """The largest distance that gets a label, and whether each class has a calibrated one as well."""
+        chosen = settings.classify
         if self.reject is None:
-            if settings.classify.reject is not None:
-                return settings.classify.reject
-            return None if settings.classify.reject_sd is None else "calibrated"
+            # A preset's distance is in the unit of its own chain; it says nothing of bare arrays.
+            known = all(isinstance(item, Signals) for item in library.series)
+            return (chosen.reject if known else None), chosen.reject_sd is not None
         if isinstance(self.reject, str):
             if self.reject != "calibrated":
                 raise ConfigError(
                     f"reject={self.reject!r}", remedy="a distance or 'calibrated'", code="E_REJECT"
                 )
-            return "calibrated"
-        return float(self.reject)
+            return None, True
+        return float(self.reject), False
 
     def _distances(
         self, queries: Sequence[Signals | np.ndarray], examples: Sequence[Signals | np.ndarray]

@@ -104,8 +104,8 @@ class ClassifySettings:
     reject : None or float
         Distances above this get no label.
     reject_sd : None or float
-        Instead: threshold of each class = mean + this many standard deviations of the distances
-        inside the class.
+        As well: threshold of each class = mean + this many standard deviations of the distances
+        inside the class. The lower of the two counts.
     representative : bool
         Keep only the medoid of each class as its example.
     min_pose : float
