@@ -1,7 +1,7 @@
 """Every error that the package raises on purpose: a code, a cause, what was kept, a remedy.
 
 The printed form is ``<CODE> <subject>: <cause>; kept: <kept>; try: <remedy>``; parts that
-are empty are left out. Errors survive pickling, so that a worker process can report them.
+are empty are left out. Errors survive pickling, as those of libraries that run things in parallel should.
 """
 
 from __future__ import annotations
@@ -126,12 +126,6 @@ class MissingDependencyError(PluginError):
     """A plugin whose optional dependency is not installed."""
 
     code = "E_MISSING_DEPENDENCY"
-
-
-class WorkerError(GestureError):
-    """A worker process that died, hung or ran out of memory."""
-
-    code = "E_WORKER"
 
 
 class RunFolderError(GestureError):

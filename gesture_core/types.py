@@ -12,7 +12,6 @@ from gesture_core.errors import InputError, KeypointError, SignalError
 from gesture_core.skeletons import COCO18, skeleton, to_coco18
 
 Status = Literal["ok", "degraded", "rejected", "skipped", "error"]
-STATUSES: tuple[Status, ...] = ("ok", "degraded", "rejected", "skipped", "error")
 
 
 def _single(array: np.ndarray) -> np.ndarray:
