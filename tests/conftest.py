@@ -7,11 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 
 if TYPE_CHECKING:
     from gesture_core.demo.archive import DemoArchive
 
 ROOT = Path(__file__).resolve().parents[1]
+
+# The same code gets the same drawn cases, wherever it is tested; HYPOTHESIS_PROFILE=explore draws others.
+settings.register_profile("fixed", derandomize=True, deadline=None)
+settings.register_profile("explore", print_blob=True, deadline=None)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 
 
 def _shared_folder(name: str) -> Path:
