@@ -9,69 +9,61 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from gesture_core.archive.run import RunRequest, RunSummary
-from gesture_core.cli.flags import Flags
+from gesture_core.cli.flags import Flags, RunFlags
 from gesture_core.cli.progress import progress
-from gesture_core.cli.screen import print_rows, visible
+from gesture_core.cli.screen import counted, print_rows, visible
 
 
 def classify(
     *sources: Annotated[str, Parameter(required=True)],
     examples: Annotated[tuple[str, ...], Parameter(consume_multiple=False)],
     out: Path,
-    flags: Flags | None = None,
     labels: str = "folder",
-    workers: int = 0,
-    engine: str = "processes",
-    retry_errors: bool = False,
-    overwrite: bool = False,
-    quiet: bool = False,
+    flags: Flags | None = None,
+    run: RunFlags | None = None,
 ) -> int:
     """Label every input by its nearest example gesture.
 
     Parameters
     ----------
     sources
-        Videos, folders, globs, or text and CSV manifests; OpenPose JSON folders and .npz, .npy, .csv
-        and .parquet keypoint files may be mixed with videos.
+        Videos, keypoint files (OpenPose JSON, npz, npy, csv, parquet), folders, globs or manifests.
     examples
         Examples as <label>/<clip>; may be repeated.
     out
         The run folder: run.db holds the result. The same command again goes on where it stopped.
     labels
-        Where the labels of examples come from: folder, a CSV file with path and label, or a regular
-        expression with a group (?P<label>...) that is searched in the name.
-    workers
-        Worker processes; 0 for one for each core.
-    engine
-        Execution engine: processes, or inline for debugging.
-    retry_errors
-        Try inputs again that ended in an error.
-    overwrite
-        Classify again with other settings in the same folder; keypoints are reused.
-    quiet
-        No progress and no table.
+        Labels of the examples: folder, a CSV file with path and label, or an expression (?P<label>...).
     """
+    return execute(sources, out, flags, run, examples, labels)
+
+
+def execute(
+    sources: tuple[str, ...],
+    out: Path,
+    flags: Flags | None,
+    run: RunFlags | None,
+    examples: tuple[str, ...] = (),
+    labels: str = "folder",
+) -> int:
+    """Run what a command asks for, show it, and return the exit code; without examples, only extract."""
+    from gesture_core.archive.pipeline import run_archive
+
+    run = run or RunFlags()
     request = RunRequest(
         sources,
         out,
         (flags or Flags()).settings(),
         examples,
         labels,
-        workers,
-        engine,
-        retry_errors,
-        overwrite,
+        run.workers,
+        run.engine,
+        run.retry_errors,
+        run.overwrite,
     )
-    return execute(request, quiet=quiet)
-
-
-def execute(request: RunRequest, *, quiet: bool = False) -> int:
-    """Run ``request``, show it, and return the exit code."""
-    from gesture_core.archive.pipeline import run_archive
-
-    with progress(quiet=quiet) as listener:
+    with progress(quiet=run.quiet) as listener:
         summary = run_archive(request, listener)
-    if not quiet:
+    if not run.quiet:
         print_rows(summary.rows())
         say_summary(summary)
     return summary.exit_code
@@ -85,10 +77,10 @@ def say_summary(summary: RunSummary) -> None:
     if summary.done_now:
         speed = f", {summary.frames / summary.elapsed:.0f} frames/s" if summary.frames else ""
         kernel = f", kernel {summary.kernel}" if summary.kernel else ""
-        took = f"{summary.done_now} inputs in {summary.elapsed:.1f} s{speed}{kernel}"
-        print(f"{total} rows: {counts}; {took}; {database}", file=sys.stderr)
+        took = f"{counted(summary.done_now, 'input')} in {summary.elapsed:.1f} s{speed}{kernel}"
+        print(f"{counted(total, 'row')}: {counts}; {took}; {database}", file=sys.stderr)
     else:
-        print(f"nothing to do: all {total} rows are in {database} ({counts})", file=sys.stderr)
+        print(f"nothing to do: all rows ({counts}) are in {database}", file=sys.stderr)
     for row in summary.failed_examples:
         print(f"example left out: {row.code} {visible(row.message)}", file=sys.stderr)
     if summary.lost_classes:

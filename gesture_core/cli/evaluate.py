@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from gesture_core.cli import scores
 from gesture_core.cli.flags import Flags
+from gesture_core.cli.screen import counted
 from gesture_core.errors import ConfigError, GestureError, InputError
 
 if TYPE_CHECKING:
     from gesture_core.archive.discovery import Input
-    from gesture_core.classify.evaluation import Evaluation, Labelled
+    from gesture_core.classify.evaluation import Labelled
     from gesture_core.settings import Settings
 
 
@@ -24,10 +26,10 @@ def evaluate(
     out: Path | None = None,
     flags: Flags | None = None,
     labels: str = "folder",
-    subjects: str = "",
+    subjects: Annotated[str, Parameter(show_default=False)] = "",
     protocol: str = "leave-one-subject-out",
-    train: str = "",
-    grid: Annotated[tuple[str, ...], Parameter(consume_multiple=False)] = (),
+    train: Annotated[str, Parameter(show_default=False)] = "",
+    grid: Annotated[tuple[str, ...], Parameter(consume_multiple=False, show_default=False)] = (),
     workers: int = 0,
 ) -> int:
     """Measure the accuracy of a preset on a labelled archive.
@@ -39,19 +41,15 @@ def evaluate(
     out
         Folder for evaluation.json, answers.csv, confusion.png and rejection.png.
     labels
-        Where labels come from: folder, a CSV file with path and label, or a regular expression with
-        a group (?P<label>...) that is searched in the name.
+        Where labels come from: folder, a CSV file with path and label, or an expression (?P<label>...).
     subjects
-        Regular expression that finds who performs, by its group (?P<subject>...) or its first one;
-        a group of that name in --labels serves too.
+        Regular expression whose group (?P<subject>...), or first group, finds who performs in the name.
     protocol
-        leave-one-subject-out, leave-one-out, donor (one subject gives one example a class, each
-        subject in turn), or split.
+        leave-one-subject-out, leave-one-out, donor (one subject gives one example a class), or split.
     train
-        With --protocol split: a regular expression; the inputs whose name it matches are the examples.
+        With --protocol split: a regular expression that finds the examples.
     grid
-        A setting with the values to try, such as t_var=0.05,0.10; may be repeated. Under
-        leave-one-subject-out a further line chooses inside the training subjects of each fold.
+        A setting with the values to try, such as t_var=0.05,0.10; may be repeated.
     workers
         Worker processes; 0 for one for each core.
     """
@@ -60,17 +58,24 @@ def evaluate(
     settings = (flags or Flags()).settings()
     points = _grid(grid)
     candidates = [settings.with_values(point.items(), "--grid") for point in points]
-    data, identity = _load(sources, settings, labels, subjects, train, workers, out)
+    items = _labelled(sources, labels, out)
+    who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
+    examples = _examples(items, train, protocol)
+    _check_protocol(protocol, items, who, examples)
+    data, identity = _load(items, who, examples, settings, workers)
     compared = [compare_all(data, candidate) for candidate in candidates]
     found = [answer(c, protocol, point) for c, point in zip(compared, points, strict=True)]
     if len(found) > 1:
-        _print_grid(found)
+        scores.print_grid(found)
         if protocol == "leave-one-subject-out" and len(set(data.subjects)) > 2:
             nested, choices = choose_nested(compared)
-            _say(nested, f"chosen inside the training subjects of each fold ({_chosen(choices, points)})")
-    best = max(found, key=lambda evaluation: evaluation.accuracy)  # the first of equals
-    _say(best, f"preset {settings.preset}{_changes(best.changes)}")
-    _print_classes(best)
+            chosen = scores.choices_of(choices, points)
+            scores.say_accuracy(nested, f"chosen inside the training subjects of each fold ({chosen})")
+    number = max(range(len(found)), key=lambda index: found[index].accuracy)  # the first of equals
+    best = found[number]
+    scores.say_accuracy(best, f"preset {settings.preset}{scores.changes_of(best.changes)}")
+    scores.print_classes(best)
+    scores.say_unusable(compared[number])
     if out is not None:
         from gesture_core.report.evaluation import write_evaluation
 
@@ -102,48 +107,82 @@ def _grid(texts: Sequence[str]) -> list[dict[str, Any]]:
     return list(ParameterGrid(values))
 
 
-def _load(
-    sources: Sequence[str],
-    settings: Settings,
-    labels: str,
-    subjects: str,
-    train: str,
-    workers: int,
-    out: Path | None,
-) -> tuple[Labelled, dict[str, Any]]:
-    """Keypoints of all inputs with their labels, and what the keypoints were made with."""
+def _labelled(sources: Sequence[str], labels: str, out: Path | None) -> list[Input]:
+    """The inputs with their labels; those that cannot be read are among them and count as wrong."""
     from gesture_core.archive.discovery import discover
-    from gesture_core.archive.extraction import extract_all
-    from gesture_core.archive.fingerprint import pose_identity
     from gesture_core.archive.labels import label_inputs
-    from gesture_core.archive.run import keypoint_store
-    from gesture_core.archive.store import read_keypoints
-    from gesture_core.classify.evaluation import Labelled
-    from gesture_core.cli.progress import progress
-    from gesture_core.types import PoseSequence
 
-    found = [item for item in discover(sources, avoid=out) if item.kind in ("video", "keypoints")]
+    every = discover(sources, avoid=out)
+    found = [item for item in every if item.kind != "other"]
     if not found:
         raise InputError("no video or keypoint file", subject=", ".join(sources), code="E_EMPTY")
-    items = label_inputs(found, labels, sources)
-    who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
-    identity = pose_identity(settings, any(item.kind == "video" for item in items))
-    poses: list[PoseSequence | GestureError] = [GestureError("never extracted") for _ in items]
+    if len(found) < len(every):
+        left = counted(len(every) - len(found), "file")
+        print(f"left out as neither video nor keypoints: {left}", file=sys.stderr)
+    return label_inputs(found, labels, sources)
+
+
+def _examples(items: Sequence[Input], train: str, protocol: str) -> list[bool] | None:
+    """Which inputs are the examples of a split."""
+    if not train:
+        return None
+    if protocol != "split":
+        raise ConfigError(
+            f"--train {train!r} is for a split only", remedy="--protocol split", code="E_OPTION"
+        )
+    try:
+        return [bool(re.search(train, item.name)) for item in items]
+    except re.error as error:
+        raise ConfigError(f"--train {train!r} is no regular expression: {error}", code="E_OPTION") from None
+
+
+def _check_protocol(
+    protocol: str, items: Sequence[Input], who: Sequence[str], examples: Sequence[bool] | None
+) -> None:
+    """Raise what the protocol would raise, before hours of extraction instead of after them."""
+    import numpy as np
+
+    from gesture_core.classify.protocols import folds
+
+    codes = np.unique([str(item.label) for item in items], return_inverse=True)[1]
+    alike = np.broadcast_to(0.0, (len(items), len(items)))
+    next(folds(protocol, codes, who, alike, examples), None)
+
+
+def _load(
+    items: Sequence[Input],
+    who: Sequence[str],
+    examples: Sequence[bool] | None,
+    settings: Settings,
+    workers: int,
+) -> tuple[Labelled, dict[str, Any]]:
+    """Keypoints of all inputs with their labels, and what the keypoints were made with."""
+    from gesture_core.archive.fingerprint import pose_identity
+    from gesture_core.archive.probe import require_model
+    from gesture_core.classify.evaluation import Labelled
+    from gesture_core.cli.keypoints import people_of
+    from gesture_core.types import PoseSequence
+
+    videos = any(item.kind == "video" for item in items)
+    identity = pose_identity(settings, videos)
+    if videos:
+        require_model(settings, identity)
+    poses: list[PoseSequence | GestureError] = [
+        InputError(item.fault, subject=item.name, code=item.code or None) for item in items
+    ]
     hashes = [""] * len(items)
-    with progress(quiet=False) as listener:
-        listener.planned(len(items), len(items), 0, "")
-        for outcome in extract_all(
-            items, settings, identity=identity, workers=workers, on_frames=listener.frames
-        ):
-            name = items[outcome.number].name
-            hashes[outcome.number] = outcome.sha256
-            listener.extracted(name, outcome.cached)
-            poses[outcome.number] = GestureError(outcome.message, subject=name, code=outcome.code or None)
-            if not outcome.code:
-                people = read_keypoints(keypoint_store() / outcome.stored, name).sequences
-                nobody = GestureError("nobody was found", subject=name, code="E_POSE_SPARSE")
-                poses[outcome.number] = people[0] if people else nobody
-    examples = [bool(re.search(train, item.name)) for item in items] if train else None
+    readable = [number for number, item in enumerate(items) if item.kind != "broken"]
+    chosen = [items[number] for number in readable]
+    for place, outcome, people in people_of(chosen, settings, identity=identity, workers=workers):
+        number = readable[place]
+        name = items[number].name
+        hashes[number] = outcome.sha256
+        if outcome.code:
+            poses[number] = GestureError(outcome.message, subject=name, code=outcome.code)
+        elif people:
+            poses[number] = people[0]
+        else:
+            poses[number] = GestureError("nobody was found", subject=name, code="E_NO_PERSON")
     names = [item.name for item in items]
     identity["inputs"] = dict(zip(names, hashes, strict=True))
     return Labelled(poses, [str(item.label) for item in items], who, names, examples), identity
@@ -174,55 +213,3 @@ def _fingerprint(settings: Settings, identity: Mapping[str, Any], data: Labelled
     tree = run_configuration(settings, identity, [], kernel)
     labels = {n: [label, s] for n, label, s in zip(data.names, data.labels, data.subjects, strict=True)}
     return fingerprint({**tree, "labels": labels})
-
-
-def _say(evaluation: Evaluation, what: str) -> None:
-    low, high = evaluation.interval
-    right = sum(a.right for a in evaluation.answers)
-    print(
-        f"{evaluation.protocol}: {right} of {len(evaluation.answers)} right, "
-        f"{evaluation.accuracy:.1%} (95 %: {low:.1%} to {high:.1%}); {what}"
-    )
-
-
-def _print_grid(found: Sequence[Evaluation]) -> None:
-    from gesture_core.cli.screen import print_table
-
-    keys = list(found[0].changes)
-    rows = []
-    for evaluation in found:
-        low, high = evaluation.interval
-        values = [str(evaluation.changes[key]) for key in keys]
-        rows.append([*values, f"{evaluation.accuracy:.1%}", f"{low:.1%} to {high:.1%}"])
-    print_table([*keys, "accuracy", "95 %"], rows, right=["accuracy"])
-
-
-def _print_classes(evaluation: Evaluation) -> None:
-    import numpy as np
-
-    from gesture_core.cli.screen import print_table
-    from gesture_core.report.evaluation import thinned
-
-    columns, counts = evaluation.confusion()
-    rows = []
-    for row, (label, recall) in enumerate(evaluation.recall.items()):
-        wrong = [(int(counts[row, c]), columns[c]) for c in np.argsort(-counts[row], kind="stable")]
-        taken = ", ".join(f"{name} {count}" for count, name in wrong if count and name != label)
-        rows.append([label, str(int(counts[row].sum())), f"{recall:.1%}", taken])
-    print_table(["class", "tested", "recall", "taken for"], rows, right=["tested", "recall"])
-    folds = evaluation.by_fold
-    if 1 < len(folds) <= 40:
-        print_table(["fold", "accuracy"], [[n, f"{a:.1%}"] for n, a in folds.items()], right=["accuracy"])
-    curve = thinned(evaluation.rejection_curve(), 8)
-    cells = [[f"{t:.4g}", f"{c:.1%}", f"{a:.1%}"] for t, c, a in curve]
-    print_table(
-        ["reject above", "coverage", "accuracy"], cells, right=["reject above", "coverage", "accuracy"]
-    )
-
-
-def _changes(changes: Mapping[str, Any]) -> str:
-    return "".join(f", {key}={value}" for key, value in changes.items())
-
-
-def _chosen(choices: Mapping[str, int], points: Sequence[Mapping[str, Any]]) -> str:
-    return "; ".join(f"{who or '-'}:{_changes(points[index])[1:]}" for who, index in choices.items())

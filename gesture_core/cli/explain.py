@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.errors import GestureError, InputError, RunFolderError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable
 
+    from gesture_core.archive.discovery import Input
     from gesture_core.archive.rows import Row
     from gesture_core.classify.estimator import GestureClassifier
     from gesture_core.classify.explanation import Explanation
@@ -85,39 +86,53 @@ def _settings(configuration: dict[str, Any]) -> Settings:
     return settings_from_dict(configuration.get("settings", {}))
 
 
-def _keypoints(hashes: dict[str, str], settings: Settings) -> Iterator[tuple[str, list[PoseSequence]]]:
-    """Names and people of inputs, from the keypoint store or extracted again.
+def _keypoints(hashes: dict[str, str], settings: Settings) -> dict[str, list[PoseSequence]]:
+    """People of each input by its name, from the keypoint store or extracted again; in that order.
 
     ``hashes`` are the content hashes that the run saw; an input that has changed since is an error.
+    An input that cannot be read is left out.
     """
-    from gesture_core.archive.discovery import Input, discover
-    from gesture_core.archive.extraction import extract_all
-    from gesture_core.archive.run import keypoint_store
-    from gesture_core.archive.store import read_keypoints
+    from gesture_core.cli.keypoints import people_of
 
-    items: list[Input] = []
-    for name in hashes:
-        items += [item for item in discover([name.partition("::")[0]]) if item.name == name]
-    for outcome in sorted(extract_all(items, settings), key=lambda o: o.number):
-        item = items[outcome.number]
-        if outcome.sha256 and outcome.sha256 != hashes[item.name]:
+    items = _inputs(hashes)
+    people: dict[str, list[PoseSequence]] = {}
+    for number, outcome, found in people_of(items, settings):
+        name = items[number].name
+        if outcome.sha256 and outcome.sha256 != hashes[name]:
             raise InputError(
                 "has changed since the run",
-                subject=item.name,
+                subject=name,
                 remedy="gesture classify --overwrite first",
                 code="E_CHANGED",
             )
         if not outcome.code:
-            yield item.name, read_keypoints(keypoint_store() / outcome.stored, item.name).sequences
+            people[name] = found
+    return {name: people[name] for name in hashes if name in people}
+
+
+def _inputs(names: Iterable[str]) -> list[Input]:
+    """The inputs that a run calls so; each container is looked into once."""
+    from gesture_core.archive.discovery import discover
+
+    wanted = set(names)
+    paths = dict.fromkeys(name.partition("::")[0] for name in names)
+    try:
+        return [item for item in discover(list(paths)) if item.name in wanted]
+    except InputError as error:
+        raise InputError(
+            "is not where the run found it",
+            subject=error.subject,
+            remedy="gesture explain in the folder in which gesture classify was run",
+            code=error.code,
+        ) from None
 
 
 def _query(row: Row, settings: Settings) -> Signals:
     from gesture_core.signals.chain import Chain
 
-    for _, people in _keypoints({row.input: row.sha256}, settings):
-        for pose in people:
-            if pose.person == row.person:
-                return Chain.from_settings(settings)(pose)
+    for pose in _keypoints({row.input: row.sha256}, settings).get(row.input, []):
+        if pose.person == row.person:
+            return Chain.from_settings(settings)(pose)
     raise InputError(
         f"has no keypoints: {row.code} {row.message}", subject=row.input, code=row.code or "E_NOT_FOUND"
     )
@@ -130,7 +145,8 @@ def _classifier(configuration: dict[str, Any], settings: Settings) -> GestureCla
     examples = configuration["examples"]
     classifier = GestureClassifier(settings)
     signals, labels, names = [], [], []
-    for name, people in _keypoints({n: known["sha256"] for n, known in examples.items()}, settings):
+    hashes = {name: known["sha256"] for name, known in examples.items()}
+    for name, people in _keypoints(hashes, settings).items():
         try:
             signals += classifier.signals(people[:1])
         except GestureError:
@@ -142,7 +158,7 @@ def _classifier(configuration: dict[str, Any], settings: Settings) -> GestureCla
 
 def _print(row: Row, found: Explanation, channels: int) -> None:
     from gesture_core.classify.explanation import contrast
-    from gesture_core.cli.screen import print_table, visible
+    from gesture_core.cli.screen import counted, print_table, visible
 
     near, far = found.nearest, found.runner_up
     print(f"{visible(row.input)}: {row.label or '-'} ({row.status}{' ' + row.code if row.code else ''})")
@@ -160,8 +176,8 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
         rows.append(cells)
     columns = ["channel", f"cost: {near.label}"]
     if far is not None:
-        columns += [f"cost: {far.label}", "speaks for it"]
+        columns += [f"cost: {far.label}", f"speaks for {near.label}"]
     print_table(columns, rows, right=columns[1:])
     left = len(order) - len(rows)
-    if left > 0:
-        print(f"{left} more channels take part; {len(used) - len(order)} do not")
+    more = f"{counted(left, 'more channel')} with smaller differences; " if left else ""
+    print(f"{more}{counted(len(used) - len(order), 'channel')} left out; costs add up to the distance")

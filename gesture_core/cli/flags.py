@@ -1,4 +1,4 @@
-"""The flags that the commands share."""
+"""The flags that commands share: those that change settings, and those that say how a run goes on."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ class Flags:
     ] = None
     set: Annotated[
         tuple[str, ...],
-        Parameter(consume_multiple=False, help="Any setting, as key=value; may be repeated."),
+        Parameter(
+            consume_multiple=False, show_default=False, help="Any setting, as key=value; may be repeated."
+        ),
     ] = ()
 
     def settings(self) -> Settings:
@@ -43,6 +45,27 @@ class Flags:
             classify__neighbors=self.neighbors,
             **_rejection(self.reject),
         )
+
+
+def _switch(text: str) -> Parameter:
+    """A flag without a value, that is off by default."""
+    return Parameter(help=text, show_default=False)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class RunFlags:
+    """Flags of the commands that write a run folder; none of them changes a result."""
+
+    workers: Annotated[int, Parameter(help="Worker processes; 0 for one for each core.")] = 0
+    engine: Annotated[str, Parameter(help="Execution engine: processes, or inline for debugging.")] = (
+        "processes"
+    )
+    retry_errors: Annotated[bool, _switch("Try inputs again that ended in an error.")] = False
+    overwrite: Annotated[
+        bool, _switch("Begin again with other settings in the same folder; keypoints are reused.")
+    ] = False
+    quiet: Annotated[bool, _switch("No progress and no table.")] = False
 
 
 def _rejection(value: str | None) -> dict[str, Any]:

@@ -102,6 +102,6 @@ def _exit_code(error: GestureError) -> int:
         return EXIT_LOCKED
     usage = isinstance(error, ConfigError) or (
         isinstance(error, InputError | PluginError)
-        and error.code in ("E_NOT_FOUND", "E_EMPTY", "E_PLUGIN_UNKNOWN", "E_MANIFEST")
+        and error.code in ("E_NOT_FOUND", "E_EMPTY", "E_EXISTS", "E_OPTION", "E_PLUGIN_UNKNOWN", "E_MANIFEST")
     )
     return EXIT_USAGE if usage or error.code == "E_NO_RUN" else EXIT_FATAL

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gesture_core.cli.flags import Flags
+from gesture_core.cli.screen import counted, visible
 from gesture_core.errors import InputError, MediaError, PoseError
+
+if TYPE_CHECKING:
+    from gesture_core.settings import Settings
+    from gesture_core.types import PoseSequence
 
 
 def render(
@@ -23,8 +29,7 @@ def render(
     video
         The video.
     out
-        An .mp4 for a video (needs PyAV), a .png for a strip of pictures. By default the video's
-        name with -pose.mp4, or -pose.png without PyAV, in this folder.
+        A name.mp4 for a video (needs PyAV), a name.png for a strip of pictures; <video>-pose.mp4 by default.
     people
         single, or multi for everybody that the network tells apart.
     overwrite
@@ -32,27 +37,44 @@ def render(
     """
     from gesture_core.media.limits import Limits
     from gesture_core.media.reader import open_video
-    from gesture_core.pose.extract import extract_poses, open_backend
     from gesture_core.report.overlay import can_write_video, overlay, write_strip, write_video
 
     settings = (flags or Flags()).settings()
+    if people is not None:
+        settings = settings.with_values([("pose.people", people)], "--people")
     target = out or Path(f"{video.stem}-pose{'.mp4' if can_write_video() else '.png'}")
     _check(video, target, overwrite=overwrite, can_write_video=can_write_video())
-    pose = settings.pose
-    limits = Limits(max_pixels=settings.limits.pixels, max_frames=settings.limits.frames)
-    with open_video(video, pose.reader, limits) as frames:
-        found = extract_poses(
-            frames, open_backend(settings), people or pose.people, follow=pose.follow, source=str(video)
-        )
-    if not any(sequence.frames_with_pose for sequence in found):
-        raise PoseError("nobody was found", subject=str(video), code="E_POSE_NONE")
+    found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
-    with open_video(video, pose.reader, limits) as frames:
+    limits = Limits(max_pixels=settings.limits.pixels, max_frames=settings.limits.frames)
+    with open_video(video, settings.pose.reader, limits) as frames:
         write = write_video if target.suffix.lower() == ".mp4" else write_strip
         count = write(overlay(frames, found), target)
     seen = max(sequence.frames_with_pose for sequence in found)
-    print(f"{target}: {count} frames, {len(found)} person(s), at most {seen} frames with a pose")
+    who = "1 person" if len(found) == 1 else f"{len(found)} people"
+    print(f"{visible(str(target))}: {counted(count, 'frame')}, {who}, at most {seen} frames with a pose")
     return 0
+
+
+def _people(video: Path, settings: Settings) -> list[PoseSequence]:
+    """Everybody in the video, from the keypoint store or extracted in a worker process."""
+    from gesture_core.archive.discovery import discover
+    from gesture_core.cli.keypoints import people_of
+
+    items = discover([video])
+    if len(items) != 1 or items[0].kind != "video":
+        raise InputError("is not one video", subject=str(video), remedy="a video file", code="E_OPTION")
+    for _, outcome, people in people_of(items, settings):
+        if outcome.code:
+            raise MediaError(outcome.message, subject=str(video), code=outcome.code)
+        if people:
+            return people
+    raise PoseError(
+        "nobody was found",
+        subject=str(video),
+        remedy="another --model, see gesture models",
+        code="E_POSE_NONE",
+    )
 
 
 def _check(video: Path, target: Path, *, overwrite: bool, can_write_video: bool) -> None:

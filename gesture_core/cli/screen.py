@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.text import Text
 
     from gesture_core.archive.rows import Row
 
 _ROWS_SHOWN = 60
+_REASONS_SHOWN = 20
+_WORST = ("error", "degraded", "rejected", "skipped", "ok")
 _STYLES = {"ok": "green", "degraded": "yellow", "rejected": "yellow", "skipped": "dim", "error": "red"}
 
 
@@ -23,7 +26,9 @@ def console(*, stderr: bool = False) -> Console:
     return Console(file=stream, width=None if stream.isatty() else 240, highlight=False, emoji=False)
 
 
-def print_table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, right: Sequence[str] = ()) -> None:
+def print_table(
+    columns: Sequence[str], rows: Iterable[Sequence[str | Text]], *, right: Sequence[str] = ()
+) -> None:
     """A plain table; the columns in ``right`` are right-aligned."""
     from rich import box
     from rich.table import Table
@@ -33,12 +38,12 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[str]], *, right:
     for column in columns:
         table.add_column(column, justify="right" if column in right else "left", overflow="fold")
     for row in rows:
-        table.add_row(*(Text(visible(cell)) for cell in row))
+        table.add_row(*(Text(visible(cell)) if isinstance(cell, str) else cell for cell in row))
     console().print(table)
 
 
 def print_rows(rows: Sequence[Row]) -> None:
-    """The result: a table on a terminal, JSON lines otherwise."""
+    """The result: a table and what went wrong on a terminal, JSON lines otherwise."""
     if not sys.stdout.isatty():
         from gesture_core.archive.writers import json_line
 
@@ -47,38 +52,48 @@ def print_rows(rows: Sequence[Row]) -> None:
         return
     result_table(rows[:_ROWS_SHOWN])
     if len(rows) > _ROWS_SHOWN:
-        print(f"… and {len(rows) - _ROWS_SHOWN} more rows")
+        print(f"… and {counted(len(rows) - _ROWS_SHOWN, 'more row')}: gesture export writes all of them")
+    print_reasons(rows)
+
+
+def print_reasons(rows: Sequence[Row]) -> None:
+    """Why rows are not ``ok``, the worst first."""
+    flawed = sorted((row for row in rows if row.message), key=lambda row: _WORST.index(row.status))
+    for row in flawed[:_REASONS_SHOWN]:
+        print(f"{row.status} {row.code} {visible(row.message)}")
+    if len(flawed) > _REASONS_SHOWN:
+        print(f"… and {counted(len(flawed) - _REASONS_SHOWN, 'more reason')} in the column 'message'")
 
 
 def result_table(rows: Sequence[Row]) -> None:
-    """One line for each row: input, label, distance, margin, status and why."""
-    from rich import box
-    from rich.table import Table
+    """One line for each row: input, label, distance, margin, nearest example and status."""
     from rich.text import Text
 
     base = _common_folder([row.input for row in rows])
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name, justify in (("input", "left"), ("label", "left"), ("distance", "right"), ("margin", "right")):
-        table.add_column(name, justify=justify, overflow="fold")  # type: ignore[arg-type]
-    table.add_column("nearest example", overflow="fold")
-    table.add_column("status", overflow="fold")
-    for row in rows:
-        name = visible(row.input.removeprefix(base)) + (f" #{row.person}" if row.person else "")
-        nearest = visible(row.neighbors[0][0].rsplit("/", 1)[-1]) if row.neighbors else ""
-        table.add_row(
-            Text(name),
-            Text(visible(row.label or "-")),
+    cells = [
+        (
+            row.input.removeprefix(base) + (f" #{row.person}" if row.person else ""),
+            row.label or "-",
             _number(row.distance),
             _number(row.margin),
-            Text(nearest),
-            Text(f"{row.status} {row.code}".strip(), _STYLES[row.status]),
+            # The folder above is the label, as a rule.
+            "/".join(row.neighbors[0][0].rsplit("/", 2)[-2:]) if row.neighbors else "",
+            Text(visible(f"{row.status} {row.code}".strip()), _STYLES[row.status]),
         )
-    console().print(table)
+        for row in rows
+    ]
+    columns = ("input", "label", "distance", "margin", "nearest example", "status")
+    print_table(columns, cells, right=("distance", "margin"))
 
 
 def visible(text: str) -> str:
     """``text`` with control characters escaped, so that a file name cannot move the cursor."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def counted(number: int, noun: str) -> str:
+    """``1 row``, ``2 rows``."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _number(value: float | None) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +88,8 @@ def test_the_same_evaluation_has_the_same_fingerprint(archive: Path, tmp_path: P
         (["--protocol", "dice"], 2, "one of leave-one-subject-out"),
         (["--grid", "t_var"], 2, "t_var=0.05,0.10"),
         (["--grid", "pose.height=256,368"], 2, "extracted once"),
+        (["--protocol", "split", "--train", "(("], 2, "no regular expression"),
+        (["--train", "_A"], 2, "--protocol split"),
     ],
 )
 def test_evaluate_refuses_with_a_remedy(
@@ -95,7 +99,44 @@ def test_evaluate_refuses_with_a_remedy(
     assert word in capsys.readouterr().err
 
 
-def test_explain_says_why(archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_protocol_that_does_not_fit_is_refused_before_anything_is_extracted(
+    archive: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def extract_all(*_: object, **__: object) -> None:
+        raise AssertionError("hours of work for nothing")
+
+    monkeypatch.setattr("gesture_core.archive.extraction.extract_all", extract_all)
+    for extra in (["--protocol", "leave-one-subject-out"], ["--protocol", "split", "--train", "nothing"]):
+        assert run(["evaluate", str(archive), *extra]) == 2
+    said = capsys.readouterr().err
+    assert "E_SUBJECTS" in said and "E_SPLIT" in said
+
+
+def test_what_cannot_be_used_counts_as_wrong_and_is_named(
+    archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "archive"
+    shutil.copytree(archive, folder)
+    (folder / "up" / "up_D.npz").write_bytes(b"PK\x03\x04 no archive at all")
+    (folder / "up" / "notes.md").write_text("neither")
+    still = np.ones((30, 18, 3))
+    still[..., :2] = 300
+    np.save(folder / "up" / "up_E.npy", still)
+    out = tmp_path / "out"
+    arguments = ["evaluate", str(folder), "--protocol", "leave-one-out", "--preset", "paper"]
+    assert run([*arguments, "--set", "t_var=0.02", "--out", str(out)]) == 3
+    said = capsys.readouterr()
+    assert "9 of 11 right" in said.out
+    assert "left out as neither video nor keypoints: 1 file" in said.err
+    assert "2 of 11 inputs count as not recognised" in said.err
+    assert "up_D.npz" in said.err and "up_E.npy" in said.err
+    tree = json.loads((out / "evaluation.json").read_text())
+    assert (tree["tested"], len(tree["not_recognised"])) == (11, 2)
+
+
+def test_explain_says_why(
+    archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     out = tmp_path / "run"
     queries = [str(path) for path in sorted(archive.glob("*/*_C.npy"))]
     examples = tmp_path / "examples"
@@ -118,6 +159,13 @@ def test_explain_says_why(archive: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert run(["explain", str(out), "nobody.npy"]) == 2
     assert "E_NOT_FOUND" in capsys.readouterr().err
     assert run(["explain", str(tmp_path), "up_C.npy"]) == 2
+    monkeypatch.chdir(tmp_path)
+    relative = ["classify", *(os.path.relpath(q) for q in queries), "--examples", "examples", "--out", "near"]
+    assert run([*relative, *chosen, "--quiet"]) == 0
+    assert run(["explain", "near", "up_C.npy"]) == 0
+    monkeypatch.chdir("/")
+    assert run(["explain", str(tmp_path / "near"), "up_C.npy"]) == 2
+    assert "in the folder in which gesture classify was run" in capsys.readouterr().err
     (examples / "up" / "up_A.npy").write_bytes((archive / "up" / "up_B.npy").read_bytes())
     assert run(["explain", str(out), "up_C.npy"]) == 1
     assert "has changed since the run" in capsys.readouterr().err

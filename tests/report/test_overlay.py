@@ -117,14 +117,19 @@ def test_the_command_renders_a_video(
     moving = [(t / 10, dot_picture((240, 320), FIGURE * 180 + (40 + 2 * t, 30), 6)) for t in range(12)]
     write_video(moving, tmp_path / "in.mp4", quality=8)
     assert run(["render", "in.mp4", "--model", str(network)]) == 0
-    assert "12 frames, 1 person(s), at most 12" in capsys.readouterr().out
+    assert "12 frames, 1 person, at most 12" in capsys.readouterr().out
     assert (tmp_path / "in-pose.mp4").stat().st_size > 1000
     assert run(["render", "in.mp4", "--model", str(network)]) != 0
     assert "E_EXISTS" in capsys.readouterr().err
     assert run(["render", "in.mp4", "--model", str(network), "--overwrite"]) == 0
     assert run(["render", "in.mp4", "--model", str(network), "--out", "a.png"]) == 0
     assert run(["render", "in.mp4", "--model", str(network), "--out", "in.mp4", "--overwrite"]) != 0
-    assert run(["render", "in.mp4", "--model", str(network), "--out", "a.gif"]) != 0
+    assert run(["render", "in.mp4", "--model", str(network), "--out", "a.gif"]) == 2
+    assert run(["render", "in.mp4", "--model", str(network), "--people", "both", "--out", "b.png"]) == 2
+    assert "single or multi" in capsys.readouterr().err
+    (tmp_path / "points.csv").write_text("1,2\n")
+    assert run(["render", "points.csv", "--model", str(network)]) == 2
+    assert "is not one video" in capsys.readouterr().err
     write_video([(t, np.full_like(frame, GREY)) for t, frame in moving], tmp_path / "dark.mp4")
     assert run(["render", "dark.mp4", "--model", str(network)]) == 1
     assert "E_POSE_NONE" in capsys.readouterr().err
