@@ -109,12 +109,16 @@ class Evaluation:
         }
 
     def confusion(self) -> tuple[list[str], np.ndarray]:
-        """Names of the columns and the (C, C or C + 1) counts; the last column is "(none)" if any."""
+        """Names of the columns and the (C, C or more) counts.
+
+        The classes come first, then what was answered but never tested, then "(none)" if any.
+        """
         from sklearn.metrics import confusion_matrix
 
         none = "(none)"
         predicted = [answer.predicted or none for answer in self.answers]
-        columns = self.classes + ([none] if none in predicted else [])
+        others = sorted({*predicted} - {*self.classes, none})
+        columns = self.classes + others + ([none] if none in predicted else [])
         counts = confusion_matrix([a.label for a in self.answers], predicted, labels=columns)
         return columns, counts[: len(self.classes)]
 
@@ -309,8 +313,8 @@ def _thresholds(
     within: np.ndarray, train: np.ndarray, codes: np.ndarray, classes: int, settings: Settings
 ) -> np.ndarray:
     chosen = settings.classify
-    if chosen.reject is not None:
-        return np.full(classes, chosen.reject)
+    limit = np.full(classes, np.inf if chosen.reject is None else chosen.reject)
     if chosen.reject_sd is None:
-        return np.full(classes, np.inf)
-    return calibrated_thresholds(within[np.ix_(train, train)], codes[train], classes, chosen.reject_sd)
+        return limit
+    own = calibrated_thresholds(within[np.ix_(train, train)], codes[train], classes, chosen.reject_sd)
+    return np.minimum(limit, own)

@@ -52,6 +52,23 @@ def test_leave_one_subject_out_tests_everybody_once() -> None:
     assert counts.tolist() == [[6, 0], [0, 6]]
 
 
+def test_the_lower_of_two_thresholds_counts_as_in_the_classifier() -> None:
+    both = replace(PAPER, classify=replace(PAPER.classify, reject=1e9, reject_sd=0.0))
+    found = evaluate(archive(), "leave-one-subject-out", both)
+    assert max(answer.threshold for answer in found.answers) < 1e9
+    assert any(answer.predicted is None for answer in found.answers)
+
+
+def test_what_was_answered_but_never_tested_has_a_column() -> None:
+    data = archive()
+    train = [subject != "C" for subject in data.subjects]
+    labels = ["wave" if s == "C" else label for s, label in zip(data.subjects, data.labels, strict=True)]
+    found = evaluate(replace(data, labels=labels, train=train), "split", PAPER)
+    columns, counts = found.confusion()
+    assert columns == ["wave", "side", "up"]
+    assert counts.tolist() == [[0, 2, 2]]
+
+
 def test_an_unusable_input_counts_as_not_recognised_in_every_protocol() -> None:
     for protocol, tested, missed in (
         ("leave-one-subject-out", 12, 1),
