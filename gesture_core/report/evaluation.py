@@ -52,11 +52,12 @@ def rejection_plot(evaluation: Evaluation, path: Path) -> Path:
     axes.set_xlim(0, 101)
     axes.set_ylim(top=101)
     axes.grid(alpha=0.3)
+    axes.set_title(f"what a rejection threshold costs\n{evaluation.protocol}", fontsize=10)
     return save(figure, path)
 
 
 def summary(evaluation: Evaluation, fingerprint: str) -> dict[str, Any]:
-    """All numbers of an evaluation as plain values."""
+    """All numbers of an evaluation as plain values, fit for JSON: shares are 0 to 1, nothing is NaN."""
     columns, counts = evaluation.confusion()
     low, high = evaluation.interval
     return {
@@ -83,14 +84,25 @@ def summary(evaluation: Evaluation, fingerprint: str) -> dict[str, Any]:
 def thinned(
     curve: Sequence[tuple[float, float, float]], points: int = 20
 ) -> list[tuple[float, float, float]]:
-    """At most ``points`` of ``curve``, evenly spread, its ends included."""
+    """At most ``points`` of ``curve`` (threshold, coverage, accuracy), evenly spread, its ends included."""
     if len(curve) <= points:
         return list(curve)
     return [curve[i] for i in np.linspace(0, len(curve) - 1, points).round().astype(int)]
 
 
 def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> Mapping[str, Path]:
-    """Write `evaluation.json`, `answers.csv`, `confusion.png` and `rejection.png`."""
+    """Write `evaluation.json`, `answers.csv`, `confusion.png` and `rejection.png` to ``folder``.
+
+    Returns
+    -------
+    mapping
+        The path of each; without ``rejection`` where nothing could be compared.
+
+    Raises
+    ------
+    MissingDependencyError
+        Where matplotlib is not installed.
+    """
     from gesture_core.archive.atomic import replacing
     from gesture_core.archive.writers import CsvWriter
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from gesture_core.classify.explanation import Alignment, Explanation, contrast
 from gesture_core.report.plots import BLUE, GREY, ORANGE, new_figure, save
+from gesture_core.types import Signals
 
 _CHANNELS = 4
 _BARS = 14
@@ -18,9 +19,23 @@ _MATCHES = 24
 def explanation_plot(explanation: Explanation, title: str, path: Path, channels: int = _CHANNELS) -> Path:
     """Draw ``explanation`` to a PNG.
 
-    Left column: the nearest example; right column: the runner-up class. Top: the warping path and
-    the cost of the channels that speak most for or against the decision. Below: these channels'
-    signals, the query in blue, the example in orange, grey lines between matched frames.
+    Left column: the nearest example; right column: the runner-up class. Top: the warping paths, the
+    largest parts of the distance, and the channels that tell the two apart. Below: these channels'
+    signals over time, the query in blue, the example in orange, grey lines between matched frames.
+
+    Parameters
+    ----------
+    explanation : Explanation
+    title : str
+    path : Path
+        The ``.png``.
+    channels : int
+        How many channels to draw, those first that speak most for or against the decision.
+
+    Raises
+    ------
+    MissingDependencyError
+        Where matplotlib is not installed.
     """
     sides = [side for side in (explanation.nearest, explanation.runner_up) if side is not None]
     used = explanation.nearest.used | sides[-1].used
@@ -30,9 +45,7 @@ def explanation_plot(explanation: Explanation, title: str, path: Path, channels:
     grid = figure.add_gridspec(1 + len(shown), 2 * len(sides), height_ratios=[1.7] + [1.0] * len(shown))
     for column, side in enumerate(sides):
         _path(figure.add_subplot(grid[0, 2 * column]), side, shown[0], first=column == 0)
-    _bars(
-        figure.add_subplot(grid[0, 1 : 2 * len(sides) : 2] if len(sides) == 1 else grid[0, 3]), sides, order
-    )
+    _bars(figure.add_subplot(grid[0, 2 * len(sides) - 1]), sides, order)
     if len(sides) == 2:
         _bars_of_one(figure.add_subplot(grid[0, 1]), sides[0], order)
     for row, channel in enumerate(shown, 1):
@@ -49,12 +62,12 @@ def _path(axes: Any, side: Alignment, channel: int, *, first: bool) -> None:
     one = len(side.paths) == 1
     channel = channel if side.used[channel] else int(np.flatnonzero(side.used)[0])
     path = side.path_of(channel)
-    axes.plot(path[:, 1], path[:, 0], color=BLUE if first else ORANGE, linewidth=1.6)
-    rows, columns = len(side.query) - 1, len(side.signals) - 1
-    axes.plot([0, columns], [0, rows], color=GREY, linewidth=0.8, linestyle=":")
+    rows, columns = _seconds(side.query), _seconds(side.signals)
+    axes.plot(columns[path[:, 1]], rows[path[:, 0]], color=BLUE if first else ORANGE, linewidth=1.6)
+    axes.plot([0, columns[-1]], [0, rows[-1]], color=GREY, linewidth=0.8, linestyle=":")
     what = "" if one else f" ({side.query.channels[channel]})"
-    axes.set_xlabel(f"example, frames{what}", fontsize=8)
-    axes.set_ylabel("query, frames", fontsize=8)
+    axes.set_xlabel(f"example, seconds{what}", fontsize=8)
+    axes.set_ylabel("query, seconds", fontsize=8)
     axes.tick_params(labelsize=7)
     mirror = " (mirrored)" if side.mirrored else ""
     which = "nearest" if first else "runner-up"
@@ -90,6 +103,11 @@ def _few_ticks(axes: Any) -> None:
     axes.tick_params(labelsize=7)
 
 
+def _seconds(signals: Signals) -> np.ndarray:
+    """(T,) seconds since the first frame."""
+    return signals.times - signals.times[0]
+
+
 def _span(side: Alignment, channel: int) -> tuple[float, float]:
     both = np.concatenate([side.query.values[:, channel], side.signals.values[:, channel]])
     return float(both.min()), float(both.max())
@@ -99,13 +117,15 @@ def _signals(
     axes: Any, side: Alignment, channel: int, low: float, high: float, *, legend: bool, last: bool
 ) -> None:
     query, example = side.query.values[:, channel], side.signals.values[:, channel]
+    rows, columns = _seconds(side.query), _seconds(side.signals)
     lift = 0.6 * (high - low) or 1.0
     if side.used[channel]:
         path = side.path_of(channel)
         for i, j in path[np.linspace(0, len(path) - 1, min(_MATCHES, len(path))).astype(int)]:
-            axes.plot([i, j], [query[i] + lift, example[j]], color=GREY, linewidth=0.5, alpha=0.6)
-    axes.plot(query + lift, color=BLUE, linewidth=1.5, label="query (lifted)")
-    axes.plot(example, color=ORANGE, linewidth=1.5, label=f"example: {side.label}")
+            ends = [query[i] + lift, example[j]]
+            axes.plot([rows[i], columns[j]], ends, color=GREY, linewidth=0.5, alpha=0.6)
+    axes.plot(rows, query + lift, color=BLUE, linewidth=1.5, label="query (lifted)")
+    axes.plot(columns, example, color=ORANGE, linewidth=1.5, label=f"example: {side.label}")
     axes.set_ylim(low - 0.08 * lift, high + (1.55 if legend else 1.12) * lift)
     used = "" if side.used[channel] else " (not compared)"
     axes.set_title(f"{side.query.channels[channel]}{used}: cost {side.costs[channel]:.3g}", fontsize=8)
@@ -113,4 +133,4 @@ def _signals(
     if legend:
         axes.legend(fontsize=7, loc="upper right", ncols=2)
     if last:
-        axes.set_xlabel("frames", fontsize=8)
+        axes.set_xlabel("seconds", fontsize=8)

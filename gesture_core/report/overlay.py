@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gesture_core.archive.atomic import replacing
 from gesture_core.errors import MediaError
 from gesture_core.skeletons import Skeleton, skeleton
 from gesture_core.types import PoseSequence
@@ -108,11 +109,13 @@ def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quali
     """
     import av
 
-    part = path.with_name(f".{path.name}.part")
     count, last = 0, -1
     stream: VideoStream | None = None
     try:
-        with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+        with (
+            replacing(path) as part,
+            av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container,
+        ):
             for time, frame in frames:
                 even = np.ascontiguousarray(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
                 if stream is None:
@@ -128,7 +131,6 @@ def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quali
             if stream is None:
                 raise MediaError("no frame to write", subject=str(path), code="E_MEDIA_WRITE")
             container.mux(stream.encode(None))
-        part.replace(path)
     except av.FFmpegError as error:
         raise MediaError(
             f"cannot be written as H.264: {error}",
@@ -136,8 +138,6 @@ def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quali
             remedy="an output that ends in .png",
             code="E_MEDIA_WRITE",
         ) from error
-    finally:
-        part.unlink(missing_ok=True)
     return count
 
 
@@ -148,6 +148,22 @@ def write_strip(
 
     The video may be of any length: once twice as many pictures are held as needed, every other
     one is dropped.
+
+    Parameters
+    ----------
+    frames : iterable of (seconds, frame)
+        (H, W, 3) uint8 in BGR.
+    path : path
+        ``.png``; it appears once it is complete.
+    pictures : int
+        How many at most.
+    height : int
+        Of each, in pixels.
+
+    Raises
+    ------
+    MediaError
+        ``E_MEDIA_WRITE`` where there is no frame, or OpenCV cannot write it.
     """
     import cv2
 
@@ -166,5 +182,6 @@ def write_strip(
     done, data = cv2.imencode(".png", np.hstack(chosen))
     if not done:
         raise MediaError("cannot be written as PNG", subject=str(path), code="E_MEDIA_WRITE")
-    path.write_bytes(data.tobytes())
+    with replacing(path) as temporary:
+        temporary.write_bytes(data.tobytes())
     return count

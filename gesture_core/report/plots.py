@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gesture_core.archive.atomic import replacing
 from gesture_core.errors import MissingDependencyError
 
 if TYPE_CHECKING:
@@ -35,7 +36,10 @@ def new_figure(width: float, height: float, **layout: Any) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write ``figure`` as PNG and return ``path``; the same numbers give the same bytes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=120, metadata={"Software": None})
+    """Write ``figure`` as PNG and return ``path``; the same numbers give the same bytes.
+
+    The file appears once it is complete; its folder is made where there is none.
+    """
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=120, metadata={"Software": None})
     return path
