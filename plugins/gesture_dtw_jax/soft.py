@@ -59,7 +59,6 @@ def soft_lanes(
     index = jnp.arange(rows)
     # Diagonal k meets row i in column k - i: row i of a window into the reversed, padded y.
     flipped = jnp.pad(y[::-1], ((rows, rows), (0, 0), (0, 0)))
-    costs = jax.vmap(partial(local_cost, cost=cost))
 
     def diagonal(carry: tuple[Array, Array, Array], k: Array) -> tuple[tuple[Array, Array, Array], None]:
         last, before, result = carry
@@ -70,7 +69,7 @@ def soft_lanes(
         window = lax.dynamic_slice_in_dim(flipped, rows + columns - 1 - k, rows)
         least = soft_least(last[:-1], last[1:], before[:-1], gamma)
         # A cost outside the table may be infinite, and must not reach the gradient.
-        now = jnp.where(inside, costs(jnp.where(inside[:, None], x, window), window) + least, border)
+        now = jnp.where(inside, local_cost(jnp.where(inside[:, None], x, window), window, cost) + least, border)
         result = jnp.where(n + m - 2 == k, jnp.take_along_axis(now, (n - 1)[None], axis=0)[0], result)
         shifted = jnp.concatenate([jnp.full((1, lanes), border), now])
         return (shifted, last, result), None
