@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shlex
 import sys
 import tempfile
 from pathlib import Path
@@ -43,8 +44,9 @@ def demo(*, out: Path | None = None, keypoints: bool = False, flags: Flags | Non
         if keypoints
         else (archive.videos, archive.examples)
     )
-    print(f"gesture classify {sources} --examples {examples} --out {folder / 'run'}", file=sys.stderr)
-    request = RunRequest((str(sources),), folder / "run", settings, (str(examples),), overwrite=True)
+    run = folder / "run"
+    _say("", "classify", sources, "--examples", examples, "--out", run)
+    request = RunRequest((str(sources),), run, settings, (str(examples),), overwrite=True)
     with progress() as listener:
         summary = run_archive(request, listener)
     rows = summary.rows()
@@ -54,7 +56,14 @@ def demo(*, out: Path | None = None, keypoints: bool = False, flags: Flags | Non
         truth = {Path(row["path"]).stem: row["label"] for row in csv.DictReader(file)}
     right = sum(row.label == truth[_stem(row.input)] for row in rows)
     print(f"{right} of {len(rows)} labels are right")
+    _say("why: ", "explain", run, rows[0].input.rsplit("/", 1)[-1])
+    if not keypoints:
+        _say("what the network sees: ", "render", archive.videos / "clip_01.mp4")
     return summary.exit_code
+
+
+def _say(what: str, *arguments: str | Path) -> None:
+    print(f"{what}gesture {shlex.join(map(str, arguments))}", file=sys.stderr)
 
 
 def _stem(name: str) -> str:

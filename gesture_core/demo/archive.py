@@ -15,6 +15,7 @@ from gesture_core.demo.motions import GESTURES, Style
 from gesture_core.errors import InputError, MediaError
 
 SIZE = (320, 240)
+"""Width and height of a clip, in pixels."""
 FPS = 20
 
 
@@ -53,6 +54,19 @@ class DemoArchive:
 def write_archive(folder: Path, *, queries: int = 4, examples: int = 2, seed: int = 2026) -> DemoArchive:
     """Draw ``queries`` clips and ``examples`` examples of each gesture, every one by another person.
 
+    Parameters
+    ----------
+    folder : Path
+        New, empty, or an earlier demonstration, which is drawn anew.
+    queries, examples : int
+        Clips of each gesture.
+    seed : int
+        The same seed draws the same people.
+
+    Returns
+    -------
+    DemoArchive
+
     Raises
     ------
     InputError
@@ -67,7 +81,7 @@ def write_archive(folder: Path, *, queries: int = 4, examples: int = 2, seed: in
             "holds something else",
             subject=str(folder),
             remedy="an empty folder for the demonstration",
-            code="E_EMPTY",
+            code="E_EXISTS",
         )
     folder.mkdir(parents=True, exist_ok=True)
     marker.touch()

@@ -76,7 +76,10 @@ def settings_from_dict(tree: Mapping[str, Any]) -> Settings:
 
 
 def change(settings: Settings, section: str, values: Mapping[str, Any], origin: str) -> Settings:
-    """``settings`` with ``values`` of one section changed; a ConfigError names what is wrong."""
+    """``settings`` with ``values`` of one section changed; a ConfigError names what is wrong.
+
+    ``origin`` says in the error where the values were given: a file, ``--set``, ``environment``.
+    """
     hints = get_type_hints(SECTIONS[section])
     changes = {}
     for name, value in values.items():
@@ -87,6 +90,7 @@ def change(settings: Settings, section: str, values: Mapping[str, Any], origin: 
 
 
 def _resolve(key: str, settings: Settings, origin: str) -> tuple[str, str]:
+    """Section (or plugin) and name that a dotted or bare ``key`` stands for."""
     section, dot, name = key.rpartition(".")
     if dot:
         if section in SECTIONS and name not in _names(section):

@@ -21,7 +21,25 @@ def toml_value(value: Any) -> Any:
 
 
 def read_value(key: str, value: Any, hint: Any, origin: str) -> Any:
-    """``value`` as the type that ``hint`` names: a scalar, an optional, or a tuple of one scalar."""
+    """``value`` as the type that ``hint`` names: a scalar, an optional, or a tuple of one scalar.
+
+    Parameters
+    ----------
+    key : str
+        The setting, for the error.
+    value : object
+        A string is read as the type of the setting (``none`` where it may be absent, a comma between
+        the parts of a tuple); anything else must have it.
+    hint : type
+        From the section's annotations.
+    origin : str
+        Where the value was given, for the error.
+
+    Raises
+    ------
+    ConfigError
+        E_OPTION, with what would be right.
+    """
     options = get_args(hint) if type(None) in get_args(hint) else (hint,)
     if isinstance(value, str) and value.lower() in ("none", "") and type(None) in options:
         return None
@@ -56,5 +74,6 @@ def _wanted(hint: Any) -> str:
 
 
 def near(word: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(word, known, 3)
-    return f"did you mean {' or '.join(near)}?" if near else f"one of {', '.join(known)}"
+    """A remedy for ``word``: the known names that are spelled alike, or all of them."""
+    alike = difflib.get_close_matches(word, known, 3)
+    return f"did you mean {' or '.join(alike)}?" if alike else f"one of {', '.join(known)}"
