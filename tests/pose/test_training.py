@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,18 @@ for _module in ("torch", "onnx", "onnxruntime", "cv2", "rich", "scipy"):
     pytest.importorskip(_module, reason=f"the training needs {_module}: pip install 'gesture-core[train]'")
 
 import torch  # noqa: E402
-from gesture_pose_onnx.training import augment, decode, evaluate, export, joints, losses, network  # noqa: E402
+from gesture_pose_onnx.training import (  # noqa: E402
+    augment,
+    decode,
+    evaluate,
+    export,
+    joints,
+    label,
+    losses,
+    network,
+    skirts,
+    swing,
+)
 from gesture_pose_onnx.training import settings as settings_module  # noqa: E402
 from gesture_pose_onnx.training.batches import Batches, leg_of  # noqa: E402
 from gesture_pose_onnx.training.cutout import PERSON, cut_out  # noqa: E402
@@ -184,3 +196,79 @@ def test_evaluation_tells_swapped_sides_and_misses() -> None:
     assert result.swapped.tolist() == [False, True, False, False]
     assert np.nanmax(result.aligned[2]) < 1e-6 < np.nanmin(result.errors[2])
     assert np.isnan(result.errors[3, 4]) and not result.found[3, 4]
+
+
+def test_a_swung_arm_keeps_its_pixels_and_its_joints() -> None:
+    import cv2
+
+    big = STANDING * 3
+    picture = np.full((288, 288, 3), 200, np.uint8)
+    mask = np.full((288, 288), 128, np.uint8)
+    cv2.rectangle(mask, (100, 30), (190, 280), PERSON, -1)
+    for chain in ((2, 3, 4), (5, 6, 7)):
+        ends = [tuple(int(v) for v in big[j]) for j in chain]
+        for a, b in pairwise(ends):
+            cv2.line(picture, a, b, (20, 30, 160), 12)
+            cv2.line(mask, a, b, PERSON, 12)
+    rows = np.column_stack([big, np.full(18, joints.PRESENT)]).astype(np.float32)
+    moved = [swing.swing(np.random.default_rng(seed), picture, mask, rows, 0) for seed in range(12)]
+    for out, cover, new in filter(None, moved):
+        apart = np.abs(new - rows)
+        assert (np.delete(apart, (3, 4), axis=0) == 0).all()
+        x, y = new[4, :2].round().astype(int)
+        if 0 <= x < 288 and 0 <= y < 288:
+            assert cover[y, x] == PERSON
+            assert np.abs(out[y, x].astype(int) - (20, 30, 160)).max() < 60
+    assert all(moved) and len({result[2][4].tobytes() for result in moved if result}) == 12
+    rows[4, 2] = joints.IGNORED
+    assert swing.swing(np.random.default_rng(0), picture, mask, rows, 0) is None
+
+
+def test_a_skirt_goes_around_the_body_and_never_narrows() -> None:
+    rng = np.random.default_rng(0)
+    height = rng.uniform(-0.9, 0.2, 4000)
+    around = rng.uniform(0, 2 * np.pi, 4000)
+    radius = np.where(height > -0.1, 0.16, 0.09)
+    body = np.column_stack([radius * np.cos(around), radius * np.sin(around), height])
+    cloth, faces = skirts.skirt(rng, body, np.ones(4000, bool), 0.05, -0.5)
+    assert faces.max() < len(cloth) and np.isfinite(cloth).all()
+    rings = np.linalg.norm(cloth[:, :2].reshape(skirts.RINGS, -1, 2), axis=2).mean(axis=1)
+    assert rings[0] > 0.15 and (np.diff(rings) > -0.01).all()
+    assert np.isclose(cloth[:, 2].max(), 0.05) and np.isclose(cloth[:, 2].min(), -0.5)
+
+
+class _Voters:
+    """Teachers that say what they are told, with one large look and one small look astray."""
+
+    def __init__(self, lost: tuple[int, ...] = ()) -> None:
+        self.lost, self.calls = lost, 0
+
+    def _say(self, crop: np.ndarray, scale: float) -> list[tuple[np.ndarray, np.ndarray]]:
+        self.calls += 1
+        points = (STANDING - 48 + 0.5) * scale + crop.shape[0] / 2 - 0.5
+        scores = np.full(18, 0.8)
+        scores[list(self.lost)] = 0.01
+        astray = points.copy()
+        if self.calls == 1:
+            astray[4] += 40 * scale
+        return [(points, scores), (astray, scores)]
+
+    def both_ways(self, crop: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        factor = next(f for f, size in label.WINDOWS if size == crop.shape[0])
+        return self._say(crop, crop.shape[0] / (96 * factor))
+
+    def movenet_both_ways(self, crop: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        factor = label.QUICK[(self.calls - len(label.WINDOWS)) % len(label.QUICK)]
+        return self._say(crop, crop.shape[0] / (96 * factor))
+
+
+def test_teachers_vote_and_a_hand_that_nobody_sees_is_not_called_absent() -> None:
+    picture = np.zeros((96, 96, 3), np.uint8)
+    box = (np.array([48.0, 48.0]), 96.0)
+    result = label.agree(_Voters(), picture, *box, 0.15)  # type: ignore[arg-type]
+    assert result is not None and (result[1] == joints.PRESENT).all()
+    assert np.abs(result[0] - STANDING).max() < 1.0
+    lost = (4, 13, 16)
+    result = label.agree(_Voters(lost), picture, *box, 0.15)  # type: ignore[arg-type]
+    assert result is not None
+    assert result[1][list(lost)].tolist() == [joints.IGNORED, joints.ABSENT, joints.ABSENT]

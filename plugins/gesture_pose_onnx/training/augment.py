@@ -8,8 +8,12 @@ import cv2
 import numpy as np
 
 from .cutout import OUTSIDE, PERSON
-from .joints import ABSENT, FACE, HIPS, IGNORED, MIRROR, NECK, PRESENT, SHOULDERS, WRISTS, body_scale
+from .joints import ABSENT, ELBOWS, FACE, HIPS, IGNORED, MIRROR, NECK, PRESENT, SHOULDERS, WRISTS, body_scale
 from .scenes import invent
+from .swing import swing
+
+SWUNG = 0.3
+"""Share of the real pictures in which an arm is moved, where the person is cut out well."""
 
 UPPER = tuple(range(8)) + FACE  # without hips and legs
 
@@ -25,23 +29,35 @@ class Sample:
     rendered: bool
 
 
-def place(rng: np.random.Generator, sample: Sample, size: int) -> tuple[np.ndarray, bool]:
+def bars(rng: np.random.Generator, size: int) -> tuple[int, int]:
+    """Width of the grey bars left and right, and above and below, that a frame leaves in a square input."""
+    kind = rng.random()
+    wide = int(rng.choice([0.125, 0.219, rng.uniform(0.0, 0.25)]) * size)
+    return (0, wide) if kind < 0.35 else (wide, 0) if kind < 0.45 else (0, 0)
+
+
+def place(
+    rng: np.random.Generator, sample: Sample, size: int, edge: tuple[int, int] = (0, 0)
+) -> tuple[np.ndarray, bool]:
     """Random affine matrix (2, 3) from stored pixels to the training picture, and whether to mirror.
 
-    The person fills 0.4 to 1.6 of the picture. Half of the pictures look at the upper body alone: close
-    to the camera is where a network trained on whole bodies fails.
+    The person fills 0.3 to 1.6 of the picture. Half of the pictures look at the upper body alone: close
+    to the camera is where a network trained on whole bodies fails. A body that is cut is cut where the
+    bar below begins; ``edge`` holds the widths of the `bars`.
     """
     points, seen = sample.joints[:, :2].astype(np.float64), sample.joints[:, 2] == PRESENT
     inside = seen & (points > 0).all(axis=1) & (points < sample.picture.shape[0]).all(axis=1)
+    typical = 0.8
     if rng.random() < 0.5 and inside[list(UPPER)].sum() >= 4:
+        typical = 0.6  # room for arms that stretch
         keep = list(UPPER) + (list(HIPS) if rng.random() < 0.6 else [])
         inside = inside & np.isin(np.arange(len(inside)), keep)
     if inside.sum() < 2:
         inside = seen
     low, high = points[inside].min(axis=0), points[inside].max(axis=0)
     side = max(float((high - low).max()), 1.2 * body_scale(points, seen), 8.0)
-    fill = float(np.clip(rng.lognormal(np.log(0.78), 0.28), 0.38, 1.6))
-    scale = fill * size / side
+    fill = float(np.clip(rng.lognormal(np.log(typical), 0.28), 0.3, 1.6))
+    scale = fill * (size - 1.4 * max(edge)) / side
     angle = np.deg2rad(np.clip(rng.normal(0, 9), -28, 28))
     stretch = np.exp(rng.normal(0, 0.05))
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -53,8 +69,9 @@ def place(rng: np.random.Generator, sample: Sample, size: int) -> tuple[np.ndarr
     shift = goal - linear @ ((low + high) / 2)
     matrix = np.column_stack([linear, shift])
     floor = (matrix @ [(low[0] + high[0]) / 2, sample.bottom, 1])[1]
-    if floor < size:  # a body that is cut must be cut by the picture's border
-        matrix[1, 2] += size - floor + 1
+    below = edge[1]
+    if floor < size - below:  # a body that is cut must be cut by the picture's border
+        matrix[1, 2] += size - below - floor + 1
     return matrix, mirror
 
 
@@ -122,6 +139,16 @@ def occlude(
         known[(known == PRESENT) & on[y, x]] = IGNORED
 
 
+def line_kernel(length: int, angle: float) -> np.ndarray:
+    """(length, length) float32 of sum one: a line through the middle."""
+    kernel = np.zeros((length, length), np.float32)
+    end = np.array([np.cos(angle), np.sin(angle)]) * length / 2
+    middle = (length - 1) / 2
+    a, b = (tuple(np.round(middle + s * end).astype(int).tolist()) for s in (-1, 1))
+    cv2.line(kernel, a, b, 1.0, 1)
+    return kernel / kernel.sum()
+
+
 def spoil(rng: np.random.Generator, picture: np.ndarray) -> np.ndarray:
     """What cameras do: gain, gamma, colour, blur, few pixels, noise, JPEG."""
     out = picture.astype(np.float32)
@@ -139,14 +166,7 @@ def spoil(rng: np.random.Generator, picture: np.ndarray) -> np.ndarray:
     elif rng.random() < 0.3:
         out = cv2.GaussianBlur(out, (0, 0), rng.uniform(0.4, 1.8))
     elif rng.random() < 0.2:  # movement
-        length = int(rng.integers(3, 10))
-        kernel = np.zeros((length, length), np.float32)
-        angle = rng.uniform(0, np.pi)
-        end = np.array([np.cos(angle), np.sin(angle)]) * length / 2
-        middle = (length - 1) / 2
-        a, b = (tuple(np.round(middle + s * end).astype(int).tolist()) for s in (-1, 1))
-        cv2.line(kernel, a, b, 1.0, 1)
-        out = cv2.filter2D(out, -1, kernel / kernel.sum())
+        out = cv2.filter2D(out, -1, line_kernel(int(rng.integers(3, 10)), rng.uniform(0, np.pi)))
     if rng.random() < 0.4:
         noise = np.empty(out.shape, np.float32)
         cv2.setRNGSeed(int(rng.integers(1 << 30)))
@@ -175,12 +195,17 @@ def augment(
     picture : (size, size, 3) uint8 BGR
     joints : (18, 3) float32, x, y in pixels and what is known
     """
-    matrix, mirror = place(rng, sample, size)
+    moved = False
+    if not sample.rendered and rng.random() < SWUNG:
+        sample, moved = _with_other_arms(rng, sample)
+    beside, below = bars(rng, size)
+    matrix, mirror = place(rng, sample, size, (beside, below))
     points = sample.joints[:, :2].astype(np.float64) @ matrix[:, :2].T + matrix[:, 2]
     known = sample.joints[:, 2].astype(np.int8)
     if mirror:
         points, known = points[MIRROR], known[MIRROR]
-    outside = ((points < 0) | (points > size - 1)).any(axis=1)
+    edge = np.array([beside, below])
+    outside = ((points < edge) | (points > size - 1 - edge)).any(axis=1)
     known = np.where(outside & (known == PRESENT), ABSENT, known).astype(np.int8)
     picture = cv2.warpAffine(sample.picture, matrix, (size, size), flags=cv2.INTER_LINEAR)
     mask = cv2.warpAffine(
@@ -197,7 +222,7 @@ def augment(
         person = (mask == PERSON).astype(np.float32)
         if rng.random() < 0.5:
             out = redress(rng, out, person, points, known == PRESENT)
-        swap = rng.random() < 0.45 and _whole(person, points, known)
+        swap = moved or (rng.random() < 0.45 and _whole(person, points, known))
         keep = cv2.GaussianBlur(person, (0, 0), 0.8) if swap else (mask != OUTSIDE).astype(np.float32)
     if keep.min() < 1:
         scene = background(rng, scenes, size)
@@ -209,10 +234,48 @@ def augment(
             out *= (scene.mean(axis=(0, 1)) / max(float(scene.mean()), 1.0)) ** rng.uniform(0, 1)
         out = scene + (out - scene) * keep[..., None]
     out = np.clip(out, 0, 255).astype(np.uint8)
+    if rng.random() < 0.2:
+        out = _blurred_hands(rng, out, points, known)
     if rng.random() < 0.22:
         occlude(rng, out, scenes, points, known)
     out = spoil(rng, out)
+    grey = 128 if rng.random() < 0.6 else int(rng.integers(0, 256))
+    out[:below] = out[size - below :] = out[:, :beside] = out[:, size - beside :] = grey
     return out, np.column_stack([points, known]).astype(np.float32)
+
+
+def _with_other_arms(rng: np.random.Generator, sample: Sample) -> tuple[Sample, bool]:
+    """One arm or both swung elsewhere, where the person is cut out well enough for another scene."""
+    seen = sample.joints[:, 2] == PRESENT
+    inside = seen & ((sample.joints[:, :2] >= 0) & (sample.joints[:, :2] < len(sample.mask))).all(axis=1)
+    known = np.where(inside, PRESENT, ABSENT)
+    if not _whole((sample.mask == PERSON).astype(np.float32), sample.joints[:, :2], known):
+        return sample, False
+    picture, mask, joints = sample.picture, sample.mask, sample.joints
+    moved = False
+    for side in rng.permutation(2)[: 1 if rng.random() < 0.6 else 2]:
+        result = swing(rng, picture, mask, joints, int(side))
+        if result is not None:
+            (picture, mask, joints), moved = result, True
+    return Sample(picture, mask, joints, sample.bottom, False), moved
+
+
+def _blurred_hands(
+    rng: np.random.Generator, picture: np.ndarray, points: np.ndarray, known: np.ndarray
+) -> np.ndarray:
+    """Hands in motion: the picture around a wrist smeared along a line."""
+    scale = body_scale(points, known == PRESENT)
+    for wrist, elbow in zip(WRISTS, ELBOWS, strict=True):
+        if scale < 8 or known[wrist] != PRESENT or rng.random() < 0.35:
+            continue
+        length = max(3, int(scale * rng.uniform(0.1, 0.45)))
+        smeared = cv2.filter2D(picture, -1, line_kernel(length, rng.uniform(0, np.pi)))
+        hand = points[wrist] + (0.25 * (points[wrist] - points[elbow]) if known[elbow] == PRESENT else 0)
+        soft = np.zeros(picture.shape[:2], np.float32)
+        cv2.circle(soft, (int(hand[0]), int(hand[1])), max(2, int(0.35 * scale)), 1.0, -1)
+        soft = cv2.GaussianBlur(soft, (0, 0), max(1.0, 0.1 * scale))[..., None]
+        picture = (picture + (smeared.astype(np.float32) - picture) * soft).astype(np.uint8)
+    return picture
 
 
 def _whole(person: np.ndarray, points: np.ndarray, known: np.ndarray) -> bool:

@@ -8,6 +8,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from .augment import Sample, augment
+from .joints import PRESENT, WRISTS
 from .settings import Schedule
 from .store import Store
 
@@ -38,9 +39,10 @@ class Batches(Dataset[tuple[Tensor, Tensor]]):
     ) -> None:
         self.real, self.rendered, self.scenes = real, rendered, scenes
         self.schedule, self.seed = schedule, seed
-        # neighbouring frames of one film are nearly the same picture: a quarter of a still's weight
+        # neighbouring frames of one film are nearly the same picture, and a portrait shows no arm
         film = np.array(["." in name for name in real.names])[real.groups]
-        weights = np.where(film, 0.25, 1.0)
+        arms = (real.joints[:, list(WRISTS), 2] == PRESENT).any(axis=1)
+        weights = np.where(film, 0.4, 1.0) * np.where(arms, 1.0, 0.4)
         self.odds = weights / weights.sum()
 
     def __len__(self) -> int:

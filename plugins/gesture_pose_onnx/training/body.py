@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .joints import COUNT, FROM_COCO17, NECK, SHOULDERS
+from .joints import COUNT, FROM_COCO17, HIPS, KNEES, NECK, SHOULDERS
 
 SIDES = {"L": 1.0, "R": -1.0}
 
@@ -28,12 +28,15 @@ class People:
     joints : (B, 18, 3) COCO-18 joints, posed
     shape : list of dict
         Age, gender and so on of each body.
+    standing : list of bool
+        Whether the legs hang straight enough for a skirt.
     """
 
     vertices: np.ndarray
     rest: np.ndarray
     joints: np.ndarray
     shape: list[dict[str, float]]
+    standing: list[bool]
 
 
 class Bodies:
@@ -71,7 +74,9 @@ class Bodies:
         joints = coco[:, np.maximum(FROM_COCO17, 0)]
         joints[:, NECK] = joints[:, list(SHOULDERS)].mean(axis=1)
         assert joints.shape[1] == COUNT
-        return People(out["vertices"].numpy(), out["rest_vertices"].numpy(), joints, shape)
+        high = joints[:, list(HIPS), 2].mean(axis=1) - joints[:, list(KNEES), 2].mean(axis=1)
+        standing = [bool(h > 0.3) for h in high]
+        return People(out["vertices"].numpy(), out["rest_vertices"].numpy(), joints, shape, standing)
 
 
 def sample_shape(rng: np.random.Generator) -> dict[str, float]:
@@ -109,7 +114,8 @@ _SHOULDER = np.array([0.187, -0.009, 0.0])
 def sample_reach(rng: np.random.Generator) -> np.ndarray:
     """Where a left hand goes, from its shoulder, metres."""
     kind = rng.choice(
-        ["hang", "front", "up", "side", "hip", "face", "far"], p=[0.2, 0.3, 0.16, 0.12, 0.06, 0.08, 0.08]
+        ["hang", "front", "up", "side", "hip", "face", "far", "fold", "over"],
+        p=[0.2, 0.2, 0.12, 0.1, 0.05, 0.08, 0.07, 0.11, 0.07],
     )
     if kind == "hang":
         return np.array([rng.normal(0.06, 0.06), rng.normal(-0.03, 0.08), -0.52 + abs(rng.normal(0, 0.03))])
@@ -123,6 +129,10 @@ def sample_reach(rng: np.random.Generator) -> np.ndarray:
         return np.array([rng.uniform(-0.05, 0.08), rng.uniform(-0.15, 0.1), rng.uniform(-0.42, -0.36)])
     if kind == "face":
         return np.array([rng.uniform(-0.3, 0.05), rng.uniform(-0.3, -0.15), rng.uniform(0.0, 0.3)])
+    if kind == "fold":  # the hand before the own shoulder: the forearm hides the upper arm
+        return np.array([rng.normal(0.02, 0.1), rng.uniform(-0.32, -0.1), rng.uniform(-0.15, 0.1)])
+    if kind == "over":  # above or behind the head
+        return np.array([rng.uniform(-0.3, 0.1), rng.uniform(-0.15, 0.15), rng.uniform(0.2, 0.53)])
     return np.array([rng.uniform(-0.35, 0.35), rng.uniform(-0.55, -0.4), rng.uniform(-0.25, 0.25)])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-SKIN, SHIRT, TROUSERS, SHOES, HAIR, EYE, LIPS, GLASSES = range(8)
+SKIN, SHIRT, TROUSERS, SHOES, HAIR, EYE, LIPS, GLASSES, SKIRT, MASK = range(10)
 
 
 def region_of_bone(bone: str) -> str:
@@ -32,8 +32,8 @@ def random_skin(rng: np.random.Generator) -> np.ndarray:
 def random_cloth(rng: np.random.Generator) -> np.ndarray:
     """BGR colour of a garment: dark, light, grey or saturated."""
     kind = rng.random()
-    if kind < 0.3:
-        return rng.uniform(10, 70) + rng.normal(0, 8, 3)
+    if kind < 0.38:
+        return rng.uniform(4, 60) + rng.normal(0, 6, 3)
     if kind < 0.5:
         return rng.uniform(170, 245) + rng.normal(0, 10, 3)
     if kind < 0.65:
@@ -42,7 +42,7 @@ def random_cloth(rng: np.random.Generator) -> np.ndarray:
 
 
 def dress(
-    rng: np.random.Generator, rest: np.ndarray, owner: np.ndarray, bones: list[str]
+    rng: np.random.Generator, rest: np.ndarray, owner: np.ndarray, bones: list[str], skirt: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Material of each vertex, and how far cloth or hair stands off the skin.
 
@@ -50,6 +50,8 @@ def dress(
     ----------
     rest : (V, 3) body at rest, metres
     owner : (V,) bone that moves each vertex most
+    skirt : bool
+        Whether a skirt will be worn: bare legs, and more often bare shoulders.
 
     Returns
     -------
@@ -66,7 +68,13 @@ def dress(
     neckline = top - (top - low) * rng.uniform(0.0, 0.12)
     scoop = (y < 0) & (np.abs(x) < rng.uniform(0.04, 0.09))
     shirt = trunk & (z > belt) & ~(scoop & (z > neckline))
-    sleeve = rng.choice(["none", "short", "three", "long"], p=[0.08, 0.37, 0.1, 0.45])
+    sleeves = [0.45, 0.3, 0.05, 0.2] if skirt else [0.14, 0.42, 0.1, 0.34]
+    sleeve = rng.choice(["none", "short", "three", "long"], p=sleeves)
+    if sleeve == "none":  # straps: the shoulders are bare
+        shirt &= ~((z > neckline - 0.06) & (np.abs(x) > rng.uniform(0.1, 0.16)))
+        if rng.random() < 0.5:
+            deep = top - (top - low) * rng.uniform(0.08, 0.22)
+            shirt &= ~((z > deep) & (np.abs(x) < rng.uniform(0.05, 0.1)))
     arm = parts == "upperarm"
     reach = np.abs(x)
     if sleeve == "short":
@@ -80,14 +88,18 @@ def dress(
         shirt |= (parts == "neck") & (z < np.quantile(z[parts == "neck"], rng.uniform(0.3, 1)))
     thigh, shin = parts == "thigh", parts == "shin"
     trousers = (trunk & ~shirt & (z <= belt)) | thigh
-    if rng.random() < 0.8:
+    if skirt and rng.random() < 0.8:
+        trousers &= ~thigh
+    elif rng.random() < 0.6:
         trousers |= shin
-    elif rng.random() < 0.7:
+    elif rng.random() < 0.85:  # shorts, down to the knee or less
         trousers &= ~thigh | (z > np.quantile(z[thigh], rng.uniform(0.0, 0.6)))
+        if rng.random() < 0.3:
+            trousers |= shin & (z > np.quantile(z[shin], rng.uniform(0.5, 0.95)))
     material[trousers], material[shirt] = TROUSERS, SHIRT
-    if rng.random() < 0.9:
+    if rng.random() < (0.6 if skirt else 0.9):
         material[parts == "foot"] = SHOES
-    loose = abs(rng.normal(0.008, 0.012))
+    loose = abs(rng.normal(0.01, 0.014))
     waves = 0.006 * np.sin(rng.uniform(10, 60) * z + rng.uniform(10, 40) * x + rng.uniform(0, 6))
     offset[shirt] = loose + waves[shirt] * min(1.0, loose * 80)
     offset[trousers] = abs(rng.normal(0.006, 0.01))
@@ -114,6 +126,12 @@ def _head(
     material[brows] = HAIR
     material[front & (np.abs(z - 0.27) < 0.025) & (np.abs(x - 0.5) < 0.14)] = LIPS
     material[parts == "eye"] = EYE
+    if rng.random() < 0.2:  # a mask over mouth and nose
+        cover = (
+            head & (y < rng.uniform(0.5, 0.7)) & (z < rng.uniform(0.4, 0.5)) & (z > rng.uniform(0.0, 0.15))
+        )
+        material[cover] = MASK
+        offset[cover] = rng.uniform(0.002, 0.012)
     if rng.random() < 0.25:
         ring = np.hypot((np.abs(x - 0.5) - 0.2) / 0.15, (z - 0.555) / 0.08)
         material[front & (np.abs(ring - 1) < 0.3)] = GLASSES
@@ -122,7 +140,7 @@ def _head(
 def paint(
     rng: np.random.Generator, material: np.ndarray, place: np.ndarray, patches: list[np.ndarray]
 ) -> np.ndarray:
-    """Colour of surface points.
+    """Colour of surface points; a skirt is half of the time of the same cloth as the shirt: a dress.
 
     Parameters
     ----------
@@ -135,14 +153,20 @@ def paint(
     -------
     (P, 3) float BGR, 0..255
     """
-    colours = np.zeros((8, 3))
+    if rng.random() < 0.5:
+        material = np.where(material == SKIRT, SHIRT, material)
+    if rng.random() < 0.12:  # all of one cloth
+        material = np.where(material == TROUSERS, SHIRT, material)
+    colours = np.zeros((10, 3))
     skin = random_skin(rng)
     colours[SKIN], colours[LIPS] = skin, skin * np.array([0.75, 0.65, 0.95])
-    colours[SHIRT], colours[TROUSERS], colours[SHOES] = (random_cloth(rng) for _ in range(3))
+    for garment in (SHIRT, TROUSERS, SHOES, SKIRT):
+        colours[garment] = random_cloth(rng)
+    colours[MASK] = [(225, 225, 225), (215, 190, 130), (35, 35, 35), rng.uniform(20, 230, 3)][rng.integers(4)]
     hair = np.array([25, 30, 40]) if rng.random() < 0.5 else rng.uniform(20, 200) * np.array([0.5, 0.75, 1.0])
     colours[HAIR], colours[EYE], colours[GLASSES] = hair, [60, 60, 60], [30, 30, 30]
     out = colours[material]
-    for cloth, chance in ((SHIRT, 0.55), (TROUSERS, 0.2)):
+    for cloth, chance in ((SHIRT, 0.5), (TROUSERS, 0.2), (SKIRT, 0.4)):
         on = material == cloth
         if on.any() and rng.random() < chance:
             out[on] = _pattern(rng, place[on], colours[cloth], patches)

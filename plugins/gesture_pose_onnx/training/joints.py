@@ -13,6 +13,7 @@ SHOULDERS = (NAMES.index("right_shoulder"), NAMES.index("left_shoulder"))
 ELBOWS = (NAMES.index("right_elbow"), NAMES.index("left_elbow"))
 WRISTS = (NAMES.index("right_wrist"), NAMES.index("left_wrist"))
 HIPS = (NAMES.index("right_hip"), NAMES.index("left_hip"))
+KNEES = (NAMES.index("right_knee"), NAMES.index("left_knee"))
 EARS = (NAMES.index("right_ear"), NAMES.index("left_ear"))
 FACE = tuple(i for i, n in enumerate(NAMES) if n.endswith(("nose", "eye", "ear")))
 

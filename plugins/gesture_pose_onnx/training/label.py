@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from .cutout import cut_out
-from .joints import ABSENT, COUNT, FROM_COCO17, IGNORED, NECK, PRESENT, body_scale
+from .joints import ABSENT, COUNT, ELBOWS, IGNORED, PRESENT, WRISTS, body_scale
 from .settings import Data
 from .store import Store, Writer
 from .teachers import Teachers, apply, square
@@ -105,30 +105,70 @@ def find(teachers: Teachers, picture: np.ndarray) -> Box | None:
     return box
 
 
-def agree(teachers: Teachers, crop: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Joints of the one person in a crop, as both teachers see them.
+WINDOWS = ((1.15, 256), (1.45, 320))
+"""What the large teacher looks at: sides over the person's box, and pixels."""
+QUICK = (1.1, 1.35, 1.7)
+"""The same for MoveNet, whose input has a size of its own."""
+SHARE = 0.6  # of all votes for a joint that must fall together
+
+
+def agree(
+    teachers: Teachers, picture: np.ndarray, center: np.ndarray, side: float, limit: float
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Joints of the one person in a box: where most looks of both teachers fall together.
+
+    Each teacher looks several times, at windows of different size and at their mirror images. A joint
+    counts where votes with at least `SHARE` of the weight lie within ``limit`` of one of them, and both
+    teachers are among them or one is sure. Hands that a single look finds hard stay in that way: a
+    student whose known wrists all hang never learns to look for a raised one.
 
     Returns
     -------
-    points : (18, 2) pixels of the crop
+    points : (18, 2) pixels of the picture
     known : (18,) int8, one of PRESENT, ABSENT, IGNORED
     None where too little is sure.
     """
-    points, scores, spread = teachers.hpe(crop)
-    other, sure = teachers.movenet(crop)
-    scale = body_scale(points, scores > 0.1)
+    places, votes, kinds = [], [], []
+    for factor, size in WINDOWS:
+        crop, back = square(picture, center, side * factor, size)
+        for points, scores in teachers.both_ways(crop):
+            places.append(apply(back, points))
+            votes.append(scores)
+            kinds.append(0)
+    for factor in QUICK:
+        crop, back = square(picture, center, side * factor, 192)
+        for points, scores in teachers.movenet_both_ways(crop):
+            places.append(apply(back, points))
+            votes.append(scores)
+            kinds.append(1)
+    place, vote, kind = np.stack(places), np.stack(votes), np.array(kinds)
+    strong = vote[kind == 0].max(axis=0)
+    quick = vote[kind == 1].max(axis=0)
+    rough = np.median(place[kind == 0], axis=0)
+    scale = body_scale(rough, np.median(vote[kind == 0], axis=0) > 0.1)
     if scale <= 0:
         return None
-    known = np.full(COUNT, IGNORED, np.int8)
-    apart = np.linalg.norm(points - other, axis=1) / scale
-    steady = spread / scale < limit
-    both = (scores > 0.2) & (sure > 0.2) & (FROM_COCO17 >= 0) & steady & (apart < limit)
-    alone = (scores > 0.45) & (sure <= 0.2) & steady
-    neck = np.arange(COUNT) == NECK
-    alone |= neck & (scores > 0.25) & steady
-    known[both | alone] = PRESENT
-    known[(scores < 0.1) & (sure < 0.25)] = ABSENT
-    points = np.where(both[:, None], (points + other) / 2, points)
+    points, known = rough.copy(), np.full(COUNT, IGNORED, np.int8)
+    for joint in range(COUNT):
+        spot, weight = place[:, joint], np.where(vote[:, joint] > 0.12, np.sqrt(vote[:, joint]), 0.0)
+        if weight.sum() > 0:
+            near = np.linalg.norm(spot[:, None] - spot[None], axis=2) < limit * scale
+            together = near @ weight
+            best = int(together.argmax())
+            inside = near[best] & (weight > 0)
+            share = together[best] / weight.sum()
+            both = bool((kind[inside] == 0).any() and (kind[inside] == 1).any())
+            alone = inside.sum() >= 3 and vote[inside, joint].max() > 0.35
+            if share >= SHARE and inside.sum() >= 3 and (both or alone):
+                points[joint] = (weight[inside, None] * spot[inside]).sum(axis=0) / weight[inside].sum()
+                known[joint] = PRESENT
+                continue
+        if strong[joint] < 0.1 and quick[joint] < 0.25:
+            known[joint] = ABSENT
+    for elbow, wrist in zip(ELBOWS, WRISTS, strict=True):
+        # a hand that nobody sees at the end of an arm that is seen is more often blurred than absent
+        if known[elbow] == PRESENT and known[wrist] == ABSENT:
+            known[wrist] = IGNORED
     return (points, known) if (known == PRESENT).sum() >= 5 else None
 
 
@@ -163,17 +203,16 @@ def _sample(
 ) -> Box | None:
     """Label and store the person in ``box``; returns the box for the next frame."""
     center, side = box
-    crop, back = square(picture, center, side * 1.3, 368)
-    result = agree(teachers, crop, data.agree)
+    result = agree(teachers, picture, center, side, data.agree)
     if result is None:
         return None
     points, known = result
-    box_now = box_of(apply(back, points), known == PRESENT)
+    box_now = box_of(points, known == PRESENT)
     if box_now is not None:
         center, side = box_now
     stored, outward = square(picture, center, side * data.margin, data.stored)
     inward = cv2.invertAffineTransform(outward)
-    places = apply(inward, apply(back, points))
+    places = apply(inward, points)
     inside = np.full(picture.shape[:2], 255, np.uint8)
     inside = square(cv2.merge([inside] * 3), center, side * data.margin, data.stored)[0][..., 0] > 200
     mask = cut_out(stored, places, known == PRESENT, inside)

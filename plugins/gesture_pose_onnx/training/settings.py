@@ -45,6 +45,7 @@ class Schedule:
     real: float = 0.5  # share of real pictures in a batch
     rate: float = 2e-3  # peak learning rate of the leg
     offset: float = 0.0  # weight of the soft-argmax loss
+    final: float = 0.0  # share of the rate left at the end of the leg; 0: what the next one begins with
 
 
 @dataclass(frozen=True)

@@ -77,24 +77,11 @@ class Teachers:
         outputs = self._hpe.run(None, {self._hpe.get_inputs()[0].name: feed})
         return next(o for o in outputs if o.shape[1] in (57, 19))[:, :COUNT]
 
-    def hpe(self, crop: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """hpe0001 on a crop and on its mirror image.
-
-        Returns
-        -------
-        points : (18, 2) pixels of the crop, the mean of both runs
-        scores : (18,) the lower of both peaks
-        spread : (18,) distance between both runs, pixels
-        """
-        both = np.stack([crop, crop[:, ::-1]])
-        maps = self.heat(both)
-        stride = crop.shape[0] / maps.shape[2]
-        points, scores = decode(maps, stride)
-        width = crop.shape[1]
-        other = points[1][MIRROR].copy()
-        other[:, 0] = width - 1 - other[:, 0]
-        spread = np.linalg.norm(points[0] - other, axis=1)
-        return (points[0] + other) / 2, np.minimum(scores[0], scores[1][MIRROR]), spread
+    def both_ways(self, crop: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """hpe0001 on a crop and on its mirror image: (18, 2) pixels of the crop and (18,) peaks of each."""
+        maps = self.heat(np.stack([crop, crop[:, ::-1]]))
+        points, scores = decode(maps, crop.shape[0] / maps.shape[2])
+        return [(points[0], scores[0]), _mirrored(points[1], scores[1], crop.shape[1])]
 
     def quick(self, crop: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """hpe0001 on a crop once: (18, 2) pixels and (18,) scores, good enough to find a person."""
@@ -114,3 +101,13 @@ class Teachers:
         points = rows[:, 1::-1] * crop.shape[0] - 0.5
         scores = np.where(FROM_COCO17 < 0, 0, rows[:, 2])
         return points, scores
+
+    def movenet_both_ways(self, crop: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """MoveNet on a crop and on its mirror image."""
+        return [self.movenet(crop), _mirrored(*self.movenet(crop[:, ::-1]), crop.shape[1])]
+
+
+def _mirrored(points: np.ndarray, scores: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    other = points[MIRROR].copy()
+    other[:, 0] = width - 1 - other[:, 0]
+    return other, scores[MIRROR]

@@ -21,7 +21,7 @@ CURVE = ("step", "images", "minutes", "size", "rate", "heat", "offset_cells")
 
 
 def rate(step: int, settings: Settings) -> float:
-    """One-cycle rate of each leg: a short warm-up, then a cosine; only the last leg goes down to zero."""
+    """One-cycle rate of each leg: a short warm-up, then a cosine; the last leg goes down to a hundredth."""
     index, start = leg_of(step, settings.schedule)
     leg = settings.schedule[index]
     done = step - start
@@ -29,7 +29,10 @@ def rate(step: int, settings: Settings) -> float:
     if done < warm:
         return leg.rate * (done + 1) / warm
     share = (done - warm) / max(1, leg.steps - warm)
-    end = 0.01 if index == len(settings.schedule) - 1 else settings.schedule[index + 1].rate / leg.rate
+    end = leg.final
+    if not end:
+        last = index == len(settings.schedule) - 1
+        end = 0.01 if last else settings.schedule[index + 1].rate / leg.rate
     return leg.rate * (end + (1 - end) * 0.5 * (1 + math.cos(math.pi * share)))
 
 
