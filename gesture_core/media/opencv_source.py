@@ -18,7 +18,8 @@ from gesture_core.errors import MediaError
 from gesture_core.media.fragments import picture_tracks, read_chain
 from gesture_core.media.info import SQUARE, Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
-from gesture_core.media.sniff import CONTAINERS, printable
+from gesture_core.media.sniff import CONTAINERS
+from gesture_core.media.source import AGAIN, Source
 from gesture_core.media.upright import quarter_turns
 
 # Reads after a refused one before it counts as the end of the file.
@@ -38,12 +39,13 @@ _UNTIMED = frozenset({"h264", "hevc", "mpegvideo", "mjpeg"})
 _OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 
 
-class OpenCvSource:
-    """The frames of one open file, as stored, with their time stamps.
+class OpenCvSource(Source):
+    """The frames of one open file through OpenCV.
 
-    Parameters and errors are those of `PyAvSource`. What this reader cannot do: see mirrored display
-    matrices; keep the aspect of a picture that changes its size half-way (OpenCV stretches it into the
-    first size); tell damage, but for frames that are missing from a believable count.
+    Parameters are those of `Source`, errors those of `PyAvSource`. What this reader cannot do: see
+    mirrored display matrices; keep the aspect of a picture that changes its size half-way (OpenCV
+    stretches it into the first size); tell damage, but for frames that are missing from a believable
+    count.
     """
 
     name = "opencv"
@@ -56,12 +58,8 @@ class OpenCvSource:
         limits: Limits,
         ledger: Ledger,
     ) -> None:
-        self._subject = printable(path)
-        self._limits = limits
-        self._ledger = ledger
-        self._container = container
+        super().__init__(file, path, container, limits, ledger)
         self._size = os.fstat(file.fileno()).st_size
-        self._file = file
         self._count = 0
         self._stamps: list[float] = []
         self._tracks = picture_tracks(file) if container == "mov" else {}
@@ -82,16 +80,12 @@ class OpenCvSource:
         self._check_size(self._get(cv2.CAP_PROP_FRAME_WIDTH), self._get(cv2.CAP_PROP_FRAME_HEIGHT))
         first = self._next()
         if first is None:
-            raise self._error(
-                "holds a video stream, but not one frame of it decodes",
-                "E_MEDIA_NO_FRAMES",
-                "copy it again from where it came",
-            )
+            raise self._no_frame()
         return first
 
     def _unopened(self, file: BinaryIO) -> MediaError:
         """OpenCV does not say why it fails; a container that names no picture track is told apart here."""
-        mark, kinds = _PICTURE_TRACKS.get(self._container, (b"", b""))
+        mark, kinds = _PICTURE_TRACKS.get(self._format, (b"", b""))
         head = os.pread(file.fileno(), _SEARCHED, 0) if hasattr(os, "pread") else b""
         tail = os.pread(file.fileno(), _SEARCHED, max(0, self._size - _SEARCHED)) if head else b""
         if mark and mark not in head + tail and any(kind in head + tail for kind in kinds.split()):
@@ -120,7 +114,7 @@ class OpenCvSource:
             fps=fps if 0 < fps <= MAX_FPS else None,
             rotation=rotation,
             codec=_fourcc(self._get(cv2.CAP_PROP_FOURCC)),
-            container=self._container,
+            container=self._format,
             reader=self.name,
         )
 
@@ -130,8 +124,8 @@ class OpenCvSource:
 
         count, fps = self._get(cv2.CAP_PROP_FRAME_COUNT), self._get(cv2.CAP_PROP_FPS)
         believable = (
-            self._container in _COUNTED
-            and (self._container != "mov" or any(self._tracks.values()))
+            self._format in _COUNTED
+            and (self._format != "mov" or any(self._tracks.values()))
             and 0 < count <= self._limits.max_frames
             and 0 < fps <= MAX_FPS
             and count * _MIN_BYTES_PER_FRAME <= self._size
@@ -143,7 +137,7 @@ class OpenCvSource:
         import cv2
 
         count, fps = self._get(cv2.CAP_PROP_FRAME_COUNT), self._get(cv2.CAP_PROP_FPS)
-        return count / fps if self._container in _TIMED and 0 < count < 1e9 and fps > 0 else None
+        return count / fps if self._format in _TIMED and 0 < count < 1e9 and fps > 0 else None
 
     def __iter__(self) -> Iterator[tuple[float | None, np.ndarray]]:
         yield self._first
@@ -163,9 +157,7 @@ class OpenCvSource:
             try:
                 found, frame = self._capture.read()
             except (cv2.error, MemoryError) as error:
-                raise self._error(
-                    f"cannot be decoded: {error}", "E_MEDIA_BROKEN", "copy it again from where it came"
-                ) from error
+                raise self._error(f"cannot be decoded: {error}", "E_MEDIA_BROKEN", AGAIN) from error
             if found and frame is not None:
                 if attempt:
                     self._ledger.damage("packet that OpenCV could not decode")
@@ -177,14 +169,14 @@ class OpenCvSource:
         import cv2
 
         seconds = self._get(cv2.CAP_PROP_POS_MSEC) / 1000
-        if self._container in _UNTIMED or abs(seconds) >= 1e12:
+        if self._format in _UNTIMED or abs(seconds) >= 1e12:
             return None
         self._stamps.append(seconds)
         return seconds
 
     def _settle(self, count: int) -> None:
         declared, duration = self.info.frames_declared, self._duration()
-        if self._container == "mov":
+        if self._format == "mov":
             chain = read_chain(self._file)
             if chain.fault:
                 self._ledger.damage(f"broken chain of fragments: {chain.fault}")
@@ -209,20 +201,9 @@ class OpenCvSource:
                 "the header promises nothing believable; this reader cannot tell whether frames are lost"
             )
 
-    def _check_size(self, width: float, height: float) -> None:
-        if width * height > self._limits.max_pixels:
-            raise self._error(
-                f"its frames of {width:g} x {height:g} pixels exceed the limit of {self._limits.max_pixels}",
-                "E_MEDIA_LIMIT",
-                "--set limits.pixels=… with a larger figure",
-            )
-
     def _get(self, prop: int) -> float:
         value = float(self._capture.get(prop))
         return value if np.isfinite(value) else 0.0
-
-    def _error(self, cause: str, code: str, remedy: str) -> MediaError:
-        return MediaError(cause, subject=self._subject, remedy=remedy, code=code)
 
 
 def _capture(file: BinaryIO, path: str | os.PathLike[str]) -> Any:

@@ -10,8 +10,8 @@ from typing import Any, NoReturn
 
 from gesture_core.errors import GestureError, MediaError
 from gesture_core.media.info import Ledger
+from gesture_core.media.source import AGAIN
 
-_AGAIN = "copy it again from where it came"
 _MAX_MESSAGE = 200
 _levels: list[Any] = []
 _lock = threading.Lock()
@@ -91,7 +91,7 @@ class Ear:
                     ) from error
                 if fatal:
                     raise self._error(
-                        f"cannot be decoded: {_cause(error)}", "E_MEDIA_BROKEN", _AGAIN
+                        f"cannot be decoded: {_cause(error)}", "E_MEDIA_BROKEN", AGAIN
                     ) from error
                 step.failed = True
                 step.damage(_cause(error))

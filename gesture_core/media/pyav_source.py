@@ -14,14 +14,13 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from gesture_core.errors import MediaError
 from gesture_core.media.account import Account
 from gesture_core.media.edits import read_edits
 from gesture_core.media.fragments import read_chain
 from gesture_core.media.info import SQUARE, Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
 from gesture_core.media.pyav_ear import Ear, refuse
-from gesture_core.media.sniff import printable
+from gesture_core.media.source import AGAIN, Source
 from gesture_core.media.upright import display_matrix, orientation
 
 # A demuxer that fails this often in a row has lost its place for good.
@@ -33,20 +32,10 @@ _UNREAD = 64
 _DURATION_HOLDS = {"matroska": 0.6, "flv": 2.5}
 
 
-class PyAvSource:
-    """The frames of one open file, as stored, with their time stamps.
+class PyAvSource(Source):
+    """The frames of one open file through PyAV.
 
-    Parameters
-    ----------
-    file : binary file
-        Open and at its start; the caller closes it.
-    path : path
-        Named in errors.
-    container : str
-        FFmpeg's demuxer, from `sniff.container_of`.
-    limits : Limits
-    ledger : Ledger
-        Receives damage and notes.
+    Parameters are those of `Source`.
 
     Raises
     ------
@@ -65,14 +54,11 @@ class PyAvSource:
         limits: Limits,
         ledger: Ledger,
     ) -> None:
-        self._file = file
-        self._subject = printable(path)
-        self._limits = limits
-        self._ledger = ledger
+        super().__init__(file, path, container, limits, ledger)
         self._account = Account()
         self._ear = Ear(self._subject, ledger)
         try:
-            self._open(file, container)
+            self._open()
             self._origin = self._stream.start_time or 0
             # AVI stamps packets, not pictures: the n-th picture shown has the n-th packet's stamp,
             # whatever the order in which a decoder needs them.
@@ -81,35 +67,29 @@ class PyAvSource:
             self._frames = self._decode()
             self._first = next(self._frames, None)
             if self._first is None:
-                raise self._error(
-                    "holds a video stream, but not one frame of it decodes",
-                    "E_MEDIA_NO_FRAMES",
-                    "copy it again from where it came",
-                )
-            self.info = self._describe(self._first, container)
+                raise self._no_frame()
+            self.info = self._describe(self._first)
         except BaseException:
             self.close()
             raise
 
-    def _open(self, file: BinaryIO, container: str) -> None:
+    def _open(self) -> None:
         import av
         from av.video.reformatter import VideoReformatter
 
         self._container: Any = None
         with self._ear.hear(fatal=True):
             self._container = av.open(
-                file,
+                self._file,
                 "r",
-                format=container,
+                format=self._format,
                 metadata_errors="replace",
                 io_open=refuse,
                 container_options={"max_streams": str(self._limits.max_streams)},
             )
             self._stream: Any = self._container.streams.best("video")
         if not len(self._container.streams):
-            raise self._error(
-                "its container holds no stream at all", "E_MEDIA_BROKEN", "copy it again from where it came"
-            )
+            raise self._error("its container holds no stream at all", "E_MEDIA_BROKEN", AGAIN)
         if self._stream is None or self._stream.disposition & av.stream.Disposition.attached_pic:
             kinds = sorted({stream.type for stream in self._container.streams})
             raise self._error(
@@ -131,7 +111,7 @@ class PyAvSource:
         context.thread_count = 1
         context.thread_type = "NONE"
 
-    def _describe(self, first: Any, container: str) -> MediaInfo:
+    def _describe(self, first: Any) -> MediaInfo:
         stream = self._stream
         rotation, mirrored = orientation(display_matrix(first), first.rotation)
         rates = [float(rate) for rate in (stream.average_rate, stream.guessed_rate) if rate]
@@ -148,7 +128,7 @@ class PyAvSource:
             fps=next((rate for rate in rates if 0 < rate <= MAX_FPS), None),
             rotation=rotation,
             codec=stream.codec_context.codec.canonical_name,
-            container=container,
+            container=self._format,
             reader=self.name,
             mirrored=mirrored,
         )
@@ -162,7 +142,7 @@ class PyAvSource:
         stream, whole = self._stream, self._container.duration
         if cut:
             return float(stream.duration * stream.time_base) if stream.duration else None
-        return whole / 1e6 if whole and self.info.container in _DURATION_HOLDS else None
+        return whole / 1e6 if whole and self._format in _DURATION_HOLDS else None
 
     def __iter__(self) -> Iterator[tuple[float | None, np.ndarray]]:
         first, self._first = self._first, None
@@ -180,12 +160,12 @@ class PyAvSource:
     def _settle(self) -> None:
         """Compare what came with what was promised, once the file has ended."""
         declared = self.info.frames_declared
-        if self.info.container == "mov":
+        if self._format == "mov":
             # Absent from older releases of PyAV; then a trimmed file counts as short.
             index = len(getattr(self._stream, "index_entries", ()))
             self._account.trimmed = max(0, declared - index) if declared and index else 0
             declared = self._check_fragments(declared)
-        cut = self._account.cut and self.info.container == "mov"
+        cut = self._account.cut and self._format == "mov"
         if cut:
             edits = read_edits(self._file, self._stream.id)
             if edits is not None and edits.doubt:
@@ -194,7 +174,7 @@ class PyAvSource:
             self._ledger,
             declared=declared,
             duration=self._duration(cut),
-            tolerance=_DURATION_HOLDS.get(self.info.container, 0.6),
+            tolerance=_DURATION_HOLDS.get(self._format, 0.6),
         )
 
     def _check_fragments(self, declared: int | None) -> int | None:
@@ -288,17 +268,6 @@ class PyAvSource:
         self._account.frames += len(frames)
         self._account.stamps += [stamp for frame in frames if (stamp := self._stamp(frame)) is not None]
         return frames
-
-    def _check_size(self, width: int, height: int) -> None:
-        if width * height > self._limits.max_pixels:
-            raise self._error(
-                f"its frames of {width} x {height} pixels exceed the limit of {self._limits.max_pixels}",
-                "E_MEDIA_LIMIT",
-                "--set limits.pixels=… with a larger figure",
-            )
-
-    def _error(self, cause: str, code: str, remedy: str) -> MediaError:
-        return MediaError(cause, subject=self._subject, remedy=remedy, code=code)
 
 
 def _others(streams: Any, chosen: Any) -> set[str]:
