@@ -96,7 +96,7 @@ def _keypoints(hashes: dict[str, str], settings: Settings) -> dict[str, list[Pos
 
     items = _inputs(hashes)
     people: dict[str, list[PoseSequence]] = {}
-    for number, outcome, found in people_of(items, settings):
+    for number, outcome, found in people_of(items, settings, quiet=not sys.stderr.isatty()):
         name = items[number].name
         if outcome.sha256 and outcome.sha256 != hashes[name]:
             raise InputError(
@@ -179,5 +179,7 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
         columns += [f"cost: {far.label}", f"speaks for {near.label}"]
     print_table(columns, rows, right=columns[1:])
     left = len(order) - len(rows)
-    more = f"{counted(left, 'more channel')} with smaller differences; " if left else ""
-    print(f"{more}{counted(len(used) - len(order), 'channel')} left out; costs add up to the distance")
+    notes = [f"{counted(left, 'more channel')} with smaller differences"] if left else []
+    idle = len(used) - len(order)
+    notes += [f"{counted(idle, 'channel')} left out"] if idle else []
+    print("; ".join([*notes, "costs add up to the distance"]))

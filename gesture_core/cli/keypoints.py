@@ -18,6 +18,7 @@ def people_of(
     *,
     identity: Mapping[str, Any] | None = None,
     workers: int = 0,
+    quiet: bool = False,
 ) -> Iterator[tuple[int, Outcome, list[PoseSequence]]]:
     """Everybody in each of ``items``, from the keypoint store or extracted in worker processes.
 
@@ -30,6 +31,8 @@ def people_of(
         From `fingerprint.pose_identity`; without it, it is found and the model is tried first.
     workers : int
         Worker processes; 0 for one for each core.
+    quiet : bool
+        No progress.
 
     Yields
     ------
@@ -41,7 +44,7 @@ def people_of(
     from gesture_core.archive.store import read_keypoints
     from gesture_core.cli.progress import progress
 
-    with progress() as listener:
+    with progress(quiet=quiet) as listener:
         listener.planned(len(items), len(items), 0, "")
         for outcome in extract_all(
             items, settings, identity=identity, workers=workers, on_frames=listener.frames
