@@ -8,12 +8,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+TEMPORARY = ".tmp-"
+"""In the name of every file that has not taken its place yet."""
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside ``path`` that takes its place when the block ends without an error."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name[:40]}.{secrets.token_hex(8)}.tmp")
+    # The suffix stays: a writer may choose by it what it writes.
+    temporary = path.with_name(f".{secrets.token_hex(8)}{TEMPORARY}{path.name[-40:]}")
     try:
         yield temporary
         with temporary.open("rb+") as file:

@@ -4,75 +4,111 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
-from gesture_core.archive.assemble import failed_row
-from gesture_core.archive.discovery import Input
-from gesture_core.archive.rows import Row
-from gesture_core.archive.run import keypoint_store
-from gesture_core.archive.store import read_keypoints
-from gesture_core.archive.work import Outcome
+from gesture_core.archive.child import MEMORY
 from gesture_core.classify.estimator import GestureClassifier
-from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError
 from gesture_core.plugin import registry
 from gesture_core.settings import Settings
 from gesture_core.types import PoseSequence, Prediction, Signals
 
 
-def stored_poses(item: Input, outcome: Outcome) -> list[PoseSequence]:
-    """The keypoints of an input, one sequence for each person; none where there are none.
+@dataclass(frozen=True)
+class Example:
+    """An example whose keypoints are in the store under the name ``stored``."""
 
-    Raises
-    ------
-    KeypointError
-        Where the file in the store has been damaged since it was written.
-    """
-    if not outcome.stored:
-        return []
-    return read_keypoints(keypoint_store() / outcome.stored, item.name).sequences
+    name: str
+    label: str
+    stored: str
+
+
+@dataclass(frozen=True)
+class Arrived:
+    """Everybody in an input, whose keypoints are in the store under the name ``stored``."""
+
+    name: str
+    stored: str
+    people: Sequence[PoseSequence]
+
+
+@dataclass(frozen=True)
+class Decided:
+    """One prediction for each person of an input, and how often it took."""
+
+    predictions: tuple[Prediction, ...]
+    attempts: int = 1
+
+
+class Deciding(Protocol):
+    """What decides, here or elsewhere."""
+
+    def check(self) -> None:
+        """A GestureError where the settings name plugins that cannot be used."""
+        ...
+
+    def add(self, example: Example, people: Sequence[PoseSequence]) -> None:
+        """Take the first person of an example; a GestureError says why that cannot be."""
+        ...
+
+    def fit(self) -> None:
+        """All examples are there."""
+        ...
+
+    def predict(self, batch: Sequence[Arrived]) -> list[Decided]:
+        """What is decided about each input of a batch."""
+        ...
 
 
 @dataclass
-class ExampleSet:
-    """The examples of a run that can be used.
+class Decider:
+    """Decides in this process.
 
     Attributes
     ----------
-    fingerprint : str
-        Of the run, for the rows of examples that cannot be used.
+    settings : Settings
     signals, labels, names : lists
-        Of those that can, in their order.
+        Of the examples that can be used, in their order.
     """
 
-    fingerprint: str
+    settings: Settings
     signals: list[Signals] = field(default_factory=list)
     labels: list[str] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
 
-    def add(self, item: Input, outcome: Outcome, classifier: GestureClassifier) -> Row | None:
-        """Take the first person of an example; the row that says why where that cannot be."""
-        try:
-            poses = stored_poses(item, outcome)
-            if outcome.code or not poses:
-                return failed_row(item, outcome, self.fingerprint)
-            self.signals.extend(classifier.signals(poses[:1]))  # type: ignore[arg-type]
-        except ConfigError:
-            raise
-        except GestureError as error:
-            broken = Outcome(0, outcome.sha256, code=error.code, message=error.message)
-            return failed_row(item, broken, self.fingerprint)
-        self.labels.append(str(item.label))
-        self.names.append(item.name)
-        return None
+    def __post_init__(self) -> None:
+        self._classifier = GestureClassifier(self.settings)
 
-    def require_any(self, failed: Sequence[Row]) -> None:
-        """An InputError where no example is left."""
-        if not self.signals:
-            raise InputError(
-                f"no example can be used; the first one: {failed[0].code} {failed[0].message}",
-                kept="the keypoints extracted so far",
-                remedy="better clips",
-                code="E_EXAMPLES",
-            )
+    def check(self) -> None:
+        """A GestureError where the settings name plugins that cannot be used."""
+        from gesture_core.dtw.distances import choose_kernel
+        from gesture_core.signals.chain import Chain
+
+        Chain.from_settings(self.settings)
+        choose_kernel(self.settings.classify.kernel, self.settings.dtw, self.settings.options)
+
+    def add(self, example: Example, people: Sequence[PoseSequence]) -> None:
+        """Take the first person of an example; a GestureError says why that cannot be."""
+        if not people:
+            raise PoseError("nobody was found", subject=example.name, code="E_NO_PERSON")
+        self.signals.extend(self._classifier.signals(people[:1]))  # type: ignore[arg-type]
+        self.labels.append(example.label)
+        self.names.append(example.name)
+
+    def fit(self) -> None:
+        """All examples are there; a PluginError where the kernel fails at what they need."""
+        try:
+            self._classifier.fit(self.signals, self.labels, self.names)
+        except GestureError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise _raised(error, self.settings) from error
+
+    def predict(self, batch: Sequence[Arrived]) -> list[Decided]:
+        """What is decided about each input of a batch."""
+        every = [pose for one in batch for pose in one.people]
+        predictions = iter(predict(self._classifier, every, self.settings))
+        return [Decided(tuple(next(predictions) for _ in one.people)) for one in batch]
 
 
 def predict(
@@ -92,13 +128,22 @@ def predict(
 
 
 def _failed(error: BaseException, settings: Settings) -> Prediction:
-    if isinstance(error, GestureError):
-        return Prediction(None, "error", code=error.code, message=error.message)
+    if isinstance(error, MemoryError):
+        message = "out of memory; try: --set limits.memory=… with a larger figure and --retry-errors"
+        return Prediction(None, "error", code=MEMORY, message=message)
+    if not isinstance(error, GestureError):
+        error = _raised(error, settings)
+    message = error.message
+    origin = str(registry().find("kernel", settings.classify.kernel).origin)
+    if isinstance(error, PluginError) and origin not in message:
+        message += f" (kernel of {origin})"
+    return Prediction(None, "error", code=error.code, message=message)
+
+
+def _raised(error: BaseException, settings: Settings) -> PluginError:
     entry = registry().find("kernel", settings.classify.kernel)
-    return Prediction(
-        None,
-        "error",
+    return PluginError(
+        f"{entry.title} of {entry.origin} raised {type(error).__name__}: {error}",
+        remedy="another --kernel, or report it",
         code="E_PLUGIN_RAISED",
-        message=f"{entry.title} of {entry.origin} raised {type(error).__name__}: {error}; "
-        "try: another --kernel, or report it",
     )

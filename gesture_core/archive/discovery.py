@@ -9,8 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gesture_core.archive.labels import printable, read_manifest
-from gesture_core.errors import GestureError, InputError, PluginError
-from gesture_core.plugin import registry
+from gesture_core.archive.readers import Readers
+from gesture_core.archive.sandbox import Sandbox
+from gesture_core.errors import GestureError, InputError
+from gesture_core.settings import LimitSettings
 
 VIDEO_SUFFIXES = frozenset(
     ".mp4 .m4v .mov .qt .avi .mkv .webm .flv .f4v .wmv .asf .mpg .mpeg .m2v .vob .ts .mts .m2ts "
@@ -61,7 +63,9 @@ class Input:
         return os.fsencode(os.path.normpath(self.path.absolute()))
 
 
-def discover(sources: Sequence[str | os.PathLike[str]], *, avoid: Path | None = None) -> list[Input]:
+def discover(
+    sources: Sequence[str | os.PathLike[str]], *, avoid: Path | None = None, readers: Readers | None = None
+) -> list[Input]:
     """Inputs in ``sources``: files, folders (walked), globs, or text and CSV manifests.
 
     Parameters
@@ -71,6 +75,8 @@ def discover(sources: Sequence[str | os.PathLike[str]], *, avoid: Path | None = 
         perhaps ``label``. Relative paths in it start at its own folder.
     avoid : Path, optional
         A folder that is not walked into: the run folder.
+    readers : Readers, optional
+        Who is asked what is a keypoint file; by default those of third parties in a process of their own.
 
     Returns
     -------
@@ -82,7 +88,10 @@ def discover(sources: Sequence[str | os.PathLike[str]], *, avoid: Path | None = 
     InputError
         Where a source or a path in a manifest does not exist.
     """
-    walk = _Walk(avoid.resolve() if avoid else None)
+    if readers is None:
+        with Sandbox(LimitSettings()) as sandbox:
+            return discover(sources, avoid=avoid, readers=Readers(sandbox))
+    walk = _Walk(avoid.resolve() if avoid else None, readers)
     found: dict[bytes, Input] = {}
     for source in sources:
         for item in walk.source(Path(source)):
@@ -93,8 +102,9 @@ def discover(sources: Sequence[str | os.PathLike[str]], *, avoid: Path | None = 
 class _Walk:
     """Remembers which folders it has been in, so that no link leads round in circles."""
 
-    def __init__(self, avoid: Path | None) -> None:
+    def __init__(self, avoid: Path | None, readers: Readers) -> None:
         self._avoid = avoid
+        self._readers = readers
         self._been: set[Path] = set()
 
     def source(self, path: Path) -> Iterator[Input]:
@@ -117,32 +127,71 @@ class _Walk:
 
     def path(self, path: Path) -> Iterator[Input]:
         """Inputs in a file or folder."""
-        if path.is_dir():
-            yield from self._folder(path)
-        else:
-            yield from _file(path)
-
-    def _folder(self, folder: Path) -> Iterator[Input]:
-        real = folder.resolve()
-        if real == self._avoid or real in self._been:
+        if not path.is_dir():
+            yield from self._file(path)
             return
-        self._been.add(real)
+        # Folders may be nested deeper than functions can be.
+        open_folders = [self._folder(path)]
+        while open_folders:
+            item = next(open_folders[-1], None)
+            if item is None:
+                open_folders.pop()
+            elif isinstance(item, Path):
+                open_folders.append(self._folder(item))
+            else:
+                yield item
+
+    def _folder(self, folder: Path) -> Iterator[Input | Path]:
+        """What is directly in a folder: inputs, and folders to go into."""
         try:
+            real = folder.resolve()
+            if real == self._avoid or real in self._been:
+                return
+            self._been.add(real)
             entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
+            folders = {entry for entry in entries if _is_folder(entry)}
         except OSError as error:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
-        reader, _ = _reader(folder)
+        entries = [entry for entry in entries if not entry.name.startswith(".")]
+        self._readers.expect([folder, *(e for e in entries if e not in folders and not _is_video(e))])
+        reader, _ = self._readers.of(folder)
         if reader:
-            yield from _members(folder, reader)
+            yield from self._members(folder, reader)
         for entry in entries:
-            if entry.name.startswith("."):
-                continue
-            if entry.is_dir():
-                yield from self._folder(entry)
-                continue
-            # What nobody else reads in a folder of keypoint files belongs to that folder.
-            yield from (item for item in _file(entry) if not (reader and item.kind == "other"))
+            if entry in folders:
+                yield entry
+            else:
+                # What nobody else reads in a folder of keypoint files belongs to that folder.
+                yield from (item for item in self._file(entry) if not (reader and item.kind == "other"))
+
+    def _file(self, path: Path) -> Iterator[Input]:
+        name = printable(os.fspath(path))
+        try:
+            fault = "" if path.is_file() else "is not a regular file" if path.exists() else "leads nowhere"
+        except OSError as error:
+            fault = f"cannot be looked at: {error.strerror}"
+        if fault:
+            yield _broken(path, "E_READ", fault)
+        elif _is_video(path):
+            yield Input(path, name, "video")
+        else:
+            reader, broken = self._readers.of(path)
+            if reader:
+                yield from self._members(path, reader)
+            else:
+                yield Input(path, name, "other", fault=f"neither a video nor a keypoint file{broken}")
+
+    def _members(self, path: Path, reader: str) -> Iterator[Input]:
+        name = printable(os.fspath(path))
+        try:
+            members = self._readers.members(reader, path)
+        except GestureError as error:
+            yield _broken(path, error.code, error.cause)
+            return
+        for member in members:
+            shown = f"{name}::{printable(member)}" if member else name
+            yield Input(path, shown, "keypoints", member, reader)
 
 
 def _not_found(path: Path, where: str = "") -> InputError:
@@ -158,48 +207,12 @@ def _broken(path: Path, code: str, fault: str) -> Input:
     return Input(path, printable(os.fspath(path)), "broken", code=code, fault=fault)
 
 
-def _file(path: Path) -> Iterator[Input]:
-    name = printable(os.fspath(path))
-    if not path.is_file():
-        dangling = path.is_symlink() and not path.exists()
-        yield _broken(path, "E_READ", "leads nowhere" if dangling else "is not a regular file")
-    elif path.suffix.lower() in VIDEO_SUFFIXES:
-        yield Input(path, name, "video")
-    else:
-        reader, broken = _reader(path)
-        if reader:
-            yield from _members(path, reader)
-        else:
-            yield Input(path, name, "other", fault=f"neither a video nor a keypoint file{broken}")
-
-
-def _reader(path: Path) -> tuple[str, str]:
-    """Name of the keypoint reader that accepts ``path``, or none and which readers are broken."""
-    plugins = registry()
-    broken = ""
-    for name in plugins.names("reader", usable=True):
-        try:
-            if plugins.make("reader", name).accepts(path):
-                return name, ""
-        except PluginError as error:
-            broken += f"; {error.cause}"
-        except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
-            origin = plugins.find("reader", name).origin
-            broken += f"; reader {name!r} of {origin} raised {type(error).__name__}: {error}"
-    return "", broken
-
-
-def _members(path: Path, reader: str) -> Iterator[Input]:
-    name = printable(os.fspath(path))
+def _is_folder(path: Path) -> bool:
     try:
-        members = registry().make("reader", reader).members(path)
-    except GestureError as error:
-        yield _broken(path, error.code, error.cause)
-        return
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
-        origin = registry().find("reader", reader).origin
-        yield _broken(path, "E_PLUGIN_RAISED", f"{origin} raised {type(error).__name__}: {error}")
-        return
-    for member in members:
-        shown = f"{name}::{printable(member)}" if member else name
-        yield Input(path, shown, "keypoints", member, reader)
+        return path.is_dir()
+    except OSError:  # a link into a folder that is closed to us; it is a row like any other
+        return False
+
+
+def _is_video(path: Path) -> bool:
+    return path.suffix.lower() in VIDEO_SUFFIXES

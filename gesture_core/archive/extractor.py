@@ -47,7 +47,7 @@ class Extractor:
         ``on_frames`` is called with the number of further frames that are done.
         """
         started = time.perf_counter()
-        plugin = self._plugin(task)
+        plugin = plugin_of(task, self._job.settings)
         outcome = Outcome(task.number, plugin=plugin, complete=False)
         try:
             if task.kind == "probe":
@@ -74,11 +74,6 @@ class Extractor:
         if self._hashed[:2] != (task.path, now):
             self._hashed = (task.path, now, content_sha256(task.path, lambda: on_frames(0)))
         return self._hashed[2]
-
-    def _plugin(self, task: Task) -> str:
-        if task.kind in ("video", "probe"):
-            return str(registry().find("pose", self._job.settings.pose.backend).origin)
-        return str(registry().find("reader", task.reader).origin)
 
     def _name(self, task: Task, sha256: str) -> str:
         """File name in the store: content, then what decides the keypoints."""
@@ -177,6 +172,13 @@ class Extractor:
         from gesture_core.pose.extract import open_backend
 
         return open_backend(self._job.settings, self._job.threads)
+
+
+def plugin_of(task: Task, settings: Settings) -> str:
+    """Distribution and version of what finds the keypoints of ``task``."""
+    if task.kind in ("video", "probe"):
+        return str(registry().find("pose", settings.pose.backend).origin)
+    return str(registry().find("reader", task.reader).origin)
 
 
 def _reader_options(settings: Settings, name: str) -> dict[str, Any]:

@@ -7,13 +7,13 @@ in batches, and each input's rows are committed in one transaction.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from gesture_core.archive.assemble import broken_row, failed_row, person_rows, skipped_row
-from gesture_core.archive.deciding import ExampleSet, predict, stored_poses
+from gesture_core.archive.deciding import Arrived, Decided, Deciding, Example
 from gesture_core.archive.discovery import Input
-from gesture_core.archive.extraction import extract_all
+from gesture_core.archive.extraction import Extraction
 from gesture_core.archive.extractor import STORE_FAILED
 from gesture_core.archive.journal import Committed, Journal
 from gesture_core.archive.keypoint_files import publish
@@ -21,9 +21,10 @@ from gesture_core.archive.lock import run_lock
 from gesture_core.archive.plan import Plan, make_plan
 from gesture_core.archive.rows import Row
 from gesture_core.archive.run import Listener, RunRequest, RunSummary, keypoint_store
+from gesture_core.archive.sandbox import Sandbox
+from gesture_core.archive.store import read_keypoints
 from gesture_core.archive.work import Outcome
-from gesture_core.classify.estimator import GestureClassifier
-from gesture_core.errors import ConfigError, GestureError, RunFolderError
+from gesture_core.errors import ConfigError, GestureError, InputError, RunFolderError
 from gesture_core.types import PoseSequence, Prediction
 
 _BATCH = 64
@@ -46,8 +47,13 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         request.out.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
         raise ConfigError(f"--out {request.out} is a file", remedy="a folder", code="E_OUT") from None
-    with run_lock(request.out), Journal(request.out, create=True) as journal, journal.failures():
-        plan = make_plan(request, journal)
+    with (
+        run_lock(request.out),
+        Journal(request.out, create=True) as journal,
+        journal.failures(),
+        Sandbox(request.settings.limits) as sandbox,
+    ):
+        plan = make_plan(request, journal, None if request.engine == "inline" else sandbox)
         listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
         run = _Run(request, plan, journal, listener)
         if plan.waiting:
@@ -78,7 +84,6 @@ class _Run:
     plan: Plan
     journal: Journal
     listener: Listener
-    classifier: GestureClassifier | None = None
     frames: int = 0
 
     def work(self) -> None:
@@ -91,27 +96,28 @@ class _Run:
         readable = [item for item in self.plan.waiting if item.kind in ("video", "keypoints")]
         if not readable:
             return
-        if self.plan.examples:
-            self.classifier = self._fit()
-        arrived: list[tuple[Input, Outcome]] = []
-        last = time.monotonic()
-        for item, outcome in self._extract(readable):
-            arrived.append((item, outcome))
-            if len(arrived) >= _BATCH or time.monotonic() - last > _SECONDS_BETWEEN_BATCHES:
-                self._decide(arrived)
-                arrived, last = [], time.monotonic()
-        self._decide(arrived)
-
-    def _extract(self, items: Sequence[Input]) -> Iterator[tuple[Input, Outcome]]:
-        extraction = extract_all(
-            items,
+        examples = [item for item in self.plan.examples if item.kind != "broken"]
+        with Extraction(
             self.plan.settings,
-            identity=self.plan.identity,
+            self.plan.identity,
+            most=max(len(readable), len(examples)),
             workers=self.request.workers,
             engine=self.request.engine,
             on_frames=self.listener.frames,
-        )
-        for outcome in extraction:
+        ) as extraction:
+            if self.plan.deciding:
+                self._fit(self.plan.deciding, dict(self._extract(extraction, examples)))
+            arrived: list[tuple[Input, Outcome]] = []
+            last = time.monotonic()
+            for item, outcome in self._extract(extraction, readable):
+                arrived.append((item, outcome))
+                if len(arrived) >= _BATCH or time.monotonic() - last > _SECONDS_BETWEEN_BATCHES:
+                    self._decide(arrived)
+                    arrived, last = [], time.monotonic()
+            self._decide(arrived)
+
+    def _extract(self, extraction: Extraction, items: Sequence[Input]) -> Iterator[tuple[Input, Outcome]]:
+        for outcome in extraction(items):
             if outcome.code == STORE_FAILED:
                 raise RunFolderError(outcome.message, kept="every committed row", code=STORE_FAILED)
             item = items[outcome.number]
@@ -119,48 +125,65 @@ class _Run:
             self.frames += 0 if outcome.cached else outcome.frames_read
             yield item, outcome
 
-    def _fit(self) -> GestureClassifier:
-        """The classifier of all examples that can be used; rows say why the others cannot."""
-        classifier = GestureClassifier(self.plan.settings)
-        mark = self.plan.fingerprint
-        usable = ExampleSet(mark)
+    def _fit(self, deciding: Deciding, outcomes: Mapping[Input, Outcome]) -> None:
+        """Make known all examples that can be used; rows say why the others cannot."""
         self.journal.forget([item.key for item in self.plan.examples], role="example")
-        readable = [item for item in self.plan.examples if item.kind != "broken"]
-        outcomes = dict(self._extract(readable))
+        failed = []
         for item in self.plan.examples:
-            if item.kind == "broken":
-                row: Row | None = broken_row(item, mark)
-            elif outcomes[item].sha256 not in ("", self.plan.hashes[item.key]):
-                changed = Outcome(0, code="E_CHANGED", message="has changed since the run began; try: again")
-                row = failed_row(item, changed, mark)
-            else:
-                row = usable.add(item, outcomes[item], classifier)
+            row = self._example(deciding, item, outcomes.get(item))
             if row:
-                committed = Committed(item.key, item.place, "")
-                self.journal.commit(committed, [row], role="example")
+                failed.append(row)
+                self.journal.commit(Committed(item.key, item.place, ""), [row], role="example")
                 self.listener.example_failed(row)
-        usable.require_any(list(self.journal.rows("example")))
-        return classifier.fit(usable.signals, usable.labels, usable.names)
+        if len(failed) == len(self.plan.examples):
+            raise InputError(
+                f"no example can be used; the first one: {failed[0].code} {failed[0].message}",
+                kept="the keypoints extracted so far",
+                remedy="better clips",
+                code="E_EXAMPLES",
+            )
+        deciding.fit()
+
+    def _example(self, deciding: Deciding, item: Input, outcome: Outcome | None) -> Row | None:
+        """The row that says why an example cannot be used."""
+        mark = self.plan.fingerprint
+        if outcome is None:
+            return broken_row(item, mark)
+        if outcome.sha256 not in ("", self.plan.hashes[item.key]):
+            changed = Outcome(0, code="E_CHANGED", message="has changed since the run began; try: again")
+            return failed_row(item, changed, mark)
+        try:
+            people = _stored_poses(item, outcome)
+            if outcome.code or not people:
+                return failed_row(item, outcome, mark)
+            deciding.add(Example(item.name, str(item.label), outcome.stored), people)
+        except ConfigError:
+            raise
+        except GestureError as error:
+            broken = replace(outcome, stored="", code=error.code, message=error.message)
+            return failed_row(item, broken, mark)
+        return None
 
     def _decide(self, batch: Sequence[tuple[Input, Outcome]]) -> None:
         poses = [self._poses(item, outcome) for item, outcome in batch]
-        every = [pose for _, people in poses for pose in people]
-        if self.classifier is None:
-            predictions = [Prediction(None, "ok") for _ in every]
+        if self.plan.deciding is None:
+            decided = [Decided(tuple(Prediction(None, "ok") for _ in people)) for _, people in poses]
         else:
-            predictions = predict(self.classifier, every, self.plan.settings)
-        start = 0
-        for (item, _), (outcome, people) in zip(batch, poses, strict=True):
-            decided = predictions[start : start + len(people)]
-            start += len(people)
-            rows = person_rows(item, outcome, people, decided, self.plan.fingerprint)
+            arrived = [
+                Arrived(item.name, outcome.stored, people)
+                for (item, _), (outcome, people) in zip(batch, poses, strict=True)
+            ]
+            decided = self.plan.deciding.predict(arrived)
+        for (item, _), (outcome, people), one in zip(batch, poses, decided, strict=True):
+            outcome = replace(outcome, attempts=max(outcome.attempts, one.attempts))
+            rows = person_rows(item, outcome, people, one.predictions, self.plan.fingerprint)
             self._commit(item, rows, outcome.stamp)
 
     def _poses(self, item: Input, outcome: Outcome) -> tuple[Outcome, list[PoseSequence]]:
         """The keypoints of an input; where keypoints are all that is wanted, also as a file of the run."""
         try:
-            people = stored_poses(item, outcome)
-            if people and self.classifier is None:
+            people = _stored_poses(item, outcome)
+            if people and self.plan.deciding is None:
                 place = self.plan.keypoint_files[item.key]
                 target = self.request.out / "keypoints" / f"{place}.parquet"
                 publish(keypoint_store() / outcome.stored, target)
@@ -173,3 +196,16 @@ class _Run:
         self.journal.commit(Committed(item.key, item.place, stamp or self.plan.stamps[item.key]), rows)
         for row in rows:
             self.listener.row(row)
+
+
+def _stored_poses(item: Input, outcome: Outcome) -> list[PoseSequence]:
+    """The keypoints of an input, one sequence for each person; none where there are none.
+
+    Raises
+    ------
+    KeypointError
+        Where the file in the store has been damaged since it was written.
+    """
+    if not outcome.stored:
+        return []
+    return read_keypoints(keypoint_store() / outcome.stored, item.name).sequences

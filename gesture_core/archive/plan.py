@@ -10,17 +10,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from gesture_core.archive.deciding import Decider, Deciding
 from gesture_core.archive.discovery import Input, discover
 from gesture_core.archive.fingerprint import differences, fingerprint, pose_identity, run_configuration
+from gesture_core.archive.guarded import decider
 from gesture_core.archive.hashing import content_sha256, stamp
 from gesture_core.archive.journal import Journal
 from gesture_core.archive.keypoint_files import keypoint_files
 from gesture_core.archive.labels import label_inputs
 from gesture_core.archive.probe import require_model
+from gesture_core.archive.readers import Readers
 from gesture_core.archive.run import RunRequest
+from gesture_core.archive.sandbox import Sandbox
 from gesture_core.errors import ConfigError, InputError
+from gesture_core.plugin import registry
 from gesture_core.settings import Settings
-from gesture_core.signals.chain import Chain
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,8 @@ class Plan:
         From `fingerprint.pose_identity`.
     configuration : mapping
         From `fingerprint.run_configuration`.
+    deciding : Deciding or None
+        What classifies; None where keypoints are only extracted.
     """
 
     settings: Settings
@@ -53,6 +59,7 @@ class Plan:
     identity: Mapping[str, Any]
     configuration: Mapping[str, Any]
     sources: tuple[str, ...]
+    deciding: Deciding | None
 
     @property
     def kernel(self) -> str:
@@ -70,9 +77,11 @@ class Plan:
         return keypoint_files(self.inputs, self.sources)
 
 
-def make_plan(request: RunRequest, journal: Journal) -> Plan:
+def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) -> Plan:
     """Find the inputs and examples and check everything that can be checked; then, and only then,
     make the run folder's configuration that of this run.
+
+    Third parties' plugins are asked in ``sandbox``; without one, in this process.
 
     Raises
     ------
@@ -81,20 +90,20 @@ def make_plan(request: RunRequest, journal: Journal) -> Plan:
         settings (E_CONFIG_CHANGED). The journal is as it was.
     """
     settings = request.settings
-    inputs = discover(request.sources, avoid=request.out)
+    readers = Readers(sandbox)
+    inputs = discover(request.sources, avoid=request.out, readers=readers)
     if not inputs:
         raise InputError(
             "holds no input", subject=", ".join(request.sources), remedy="another path", code="E_EMPTY"
         )
-    examples = _examples(request)
-    kernel = ""
+    examples = _examples(request, readers)
     if examples:
-        from gesture_core.dtw.distances import choose_kernel
-
         _check_neighbors(settings, len(examples))
-        Chain.from_settings(settings)
-        kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)[0]
+    kernel = _kernel(settings) if examples else ""
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
+    deciding = decider(settings, sandbox) if examples else None
+    if isinstance(deciding, Decider):  # costs nothing; in a sandbox it waits until there is work
+        deciding.check()
     videos = any(item.kind == "video" for item in (*inputs, *examples))
     identity = pose_identity(settings, with_model=videos)
     stamps = {item.key: _stamp(item) for item in (*inputs, *examples)}
@@ -105,17 +114,44 @@ def make_plan(request: RunRequest, journal: Journal) -> Plan:
     waiting = [item for item in inputs if not _is_done(journal, item, stamps[item.key], done)]
     if any(item.kind == "video" for item in (*waiting, *examples)) and waiting:
         require_model(settings, identity, request.engine)
+    if deciding and waiting:
+        deciding.check()
     if changed or request.overwrite:
         journal.clear()
     journal.set({"configuration": configuration, "fingerprint": fingerprint(configuration)})
     journal.forget(_gone(journal, inputs))
-    return Plan(settings, inputs, examples, waiting, stamps, hashes, identity, configuration, request.sources)
+    return Plan(
+        settings,
+        inputs,
+        examples,
+        waiting,
+        stamps,
+        hashes,
+        identity,
+        configuration,
+        request.sources,
+        deciding,
+    )
 
 
-def _examples(request: RunRequest) -> list[Input]:
+def _kernel(settings: Settings) -> str:
+    """The distance kernel that the settings name, or the fastest one; only this package's are tried."""
+    from gesture_core.dtw.distances import choose_kernel
+
+    name = settings.classify.kernel
+    if name != "auto" and not registry().find("kernel", name).origin.built_in:
+        return name
+    return choose_kernel(name, settings.dtw, settings.options)[0]
+
+
+def _examples(request: RunRequest, readers: Readers) -> list[Input]:
     if not request.examples:
         return []
-    found = [item for item in discover(request.examples, avoid=request.out) if item.kind != "other"]
+    found = [
+        item
+        for item in discover(request.examples, avoid=request.out, readers=readers)
+        if item.kind != "other"
+    ]
     if not found:
         raise InputError(
             "holds no example",

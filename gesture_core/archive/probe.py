@@ -43,7 +43,10 @@ def require_model(settings: Settings, identity: Mapping[str, Any], engine: str =
         "engine", engine, settings.plugin_options(engine), workers=1, limits=settings.limits
     )
     job = Job(settings, keypoint_store(), {}, 1)
-    for outcome in runner.run(job, [Task(0, model.path, "probe")], lambda task, count: None):
+    outcomes = list(runner.run(job, [Task(0, model.path, "probe")], lambda task, count: None))
+    if hasattr(runner, "close"):
+        runner.close()
+    for outcome in outcomes:
         if outcome.code:
             raise ModelError(
                 f"fails on a known picture: {outcome.code} {outcome.message}",

@@ -10,9 +10,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gesture_core.archive.journal import open_journal
-from gesture_core.archive.rows import COLUMNS
-from gesture_core.plugin import registry
+from gesture_core.archive.exporting import export_rows
+from gesture_core.settings import load_settings
 
 
 def export(
@@ -32,16 +31,11 @@ def export(
     to
         The file, or - for standard output; <run>/results.<format> by default.
     """
-    writer = registry().make("writer", format)
-    with open_journal(run) as journal:
-        rows = (row.as_record() for row in journal.rows())
-        if to == "-":
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "rows"
-                writer.write(rows, COLUMNS, path)
-                with path.open("rb") as file:
-                    shutil.copyfileobj(file, sys.stdout.buffer)
-            return
-        path = Path(to) if to else run / f"results{writer.suffix}"
-        writer.write(rows, COLUMNS, path)
-    print(path)
+    limits = load_settings().limits
+    if to == "-":
+        with tempfile.TemporaryDirectory() as folder:
+            written = export_rows(run, format, Path(folder) / "rows", limits)
+            with written.open("rb") as file:
+                shutil.copyfileobj(file, sys.stdout.buffer)
+        return
+    print(export_rows(run, format, Path(to) if to else None, limits))

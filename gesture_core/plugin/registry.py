@@ -13,6 +13,7 @@ from typing import Any
 from gesture_core.errors import ConfigError, MissingDependencyError, PluginError
 from gesture_core.plugin.kinds import KINDS
 
+_OURS = "gesture-core"
 _NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 _TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
@@ -27,6 +28,11 @@ class Origin:
 
     def __str__(self) -> str:
         return f"{self.distribution} {self.version}".strip() or self.entry_point
+
+    @property
+    def built_in(self) -> bool:
+        """Whether it is part of this package, and not a third party's."""
+        return self.distribution == _OURS
 
 
 @dataclass(frozen=True)
@@ -51,7 +57,7 @@ class Registration:
         """The command that brings what is missing."""
         if not self.extra:
             return f"pip install {' '.join(self.needs)}"
-        return f"pip install '{self.origin.distribution or 'gesture-core'}[{self.extra}]'"
+        return f"pip install '{self.origin.distribution or _OURS}[{self.extra}]'"
 
     @property
     def title(self) -> str:
@@ -148,6 +154,12 @@ class Registry:
         raise PluginError(
             cause, remedy=f"{hint}one of {', '.join(known) or '(none installed)'}", code="E_PLUGIN_UNKNOWN"
         )
+
+    def origin(self, plugin: Any) -> Origin | None:
+        """Where the class of an object comes from, if it is a registered plugin."""
+        target = f"{type(plugin).__module__}:{type(plugin).__qualname__}"
+        every = (entry for entries in self.entries.values() for entry in entries)
+        return next((entry.origin for entry in every if entry.target == target), None)
 
     def load(self, kind: str, name: str) -> type[Any]:
         """Import the class of a plugin.

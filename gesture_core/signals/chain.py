@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gesture_core.errors import GestureError, PluginError, SignalError
+from gesture_core.plugin import registry
 from gesture_core.plugin.kinds import Filter, Normalizer, Selector
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
 from gesture_core.skeletons import COCO18
@@ -94,6 +95,8 @@ class Chain:
         mask = _guard(self.selector, "select", signals)
         if np.shape(mask) != (len(signals.channels),):
             raise _broke(self.selector, f"returned a mask of shape {np.shape(mask)}")
+        if np.asarray(mask).dtype.kind == "f" and not np.isfinite(mask).all():
+            raise _broke(self.selector, "returned a mask with NaN or infinity")
         signals = replace(signals, mask=np.asarray(mask, bool))
         for step in self.filters:
             signals = _guard(step, "apply", signals)
@@ -130,8 +133,6 @@ class Chain:
 
 
 def _make(settings: Settings, kind: str, name: str) -> Any:
-    from gesture_core.plugin import registry
-
     return registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
 
 
@@ -139,16 +140,21 @@ def _guard(plugin: Any, method: str, argument: Any) -> Any:
     """``plugin.method(argument)``; anything but a GestureError is said to be the plugin's fault."""
     try:
         return getattr(plugin, method)(argument)
-    except GestureError:
+    except MemoryError:
+        raise
+    except GestureError as error:
+        origin = registry().origin(plugin)
+        if origin and not origin.built_in:
+            error.cause += f" ({type(plugin).__qualname__} of {origin})"
         raise
     except (Exception, SystemExit) as error:
         raise _broke(plugin, f"raised {type(error).__name__}: {error}") from error
 
 
 def _broke(plugin: Any, what: str) -> PluginError:
-    kind = type(plugin)
+    kind, origin = type(plugin), registry().origin(plugin)
     return PluginError(
-        f"{kind.__module__}.{kind.__qualname__} {what}",
+        f"{kind.__module__}.{kind.__qualname__}{f' of {origin}' if origin else ''} {what}",
         remedy="repair or replace the plugin",
         code="E_PLUGIN_CONTRACT",
     )

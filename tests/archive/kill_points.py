@@ -1,16 +1,25 @@
-"""Kills a run, as the kernel would, at its n-th write, flush, rename or commit, for every n.
+"""Kills runs, as the kernel would: right before each write, flush, rename and commit, and at random moments.
 
-``python kill_points.py SOURCE EXAMPLES FOLDER`` forks a child for each n (before anything has started
-a thread), resumes what the child left, and compares the table with that of an undisturbed run. Prints
-``<kills> kills`` at the end, or what differs.
+``python kill_points.py SOURCE EXAMPLES FOLDER [RANDOM] [SEED]`` forks a child for each run (before
+anything has started a thread), resumes what a killed child left, and compares the sorted export, byte
+for byte, with that of an undisturbed run. Prints ``<n> at points, <n> at random`` at the end, or what
+differs. `benchmarks/soak_kills.py` does the same with more.
 """
 
 from __future__ import annotations
 
+import importlib
 import os
+import random
+import shutil
 import signal
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
+
+MOST_AT_RANDOM = 3
+"""Kills of one run before it is left alone."""
 
 
 def arm(count: int) -> None:
@@ -39,62 +48,107 @@ def arm(count: int) -> None:
     transaction.__exit__ = counted(transaction.__exit__)  # type: ignore[method-assign]
 
 
-def run(source: str, examples: str, out: Path) -> None:
-    from gesture_core.archive.pipeline import run_archive
-    from gesture_core.archive.run import RunRequest, as_strings
-    from gesture_core.settings import load_settings
+class Victim:
+    """A run of one archive, in forked children, each time in a folder and with a cache of its own.
 
-    settings = load_settings("paper", environment={}, classify__kernel="numpy")
-    run_archive(RunRequest(as_strings(source), out, settings, as_strings(examples), engine="inline"))
+    Attributes
+    ----------
+    seconds : float
+        How long an undisturbed run takes.
+    """
 
+    def __init__(self, source: str, examples: str, folder: Path, engine: str = "inline") -> None:
+        self._source, self._examples, self._folder, self._engine = source, examples, folder, engine
+        names = folder / "modules"
+        assert _wait(self._start("clean", after=lambda: names.write_text(" ".join(sys.modules)))) == 0
+        for name in names.read_text().split():  # loaded here once, so that no run need load them again
+            if name != "__main__":
+                importlib.import_module(name)
+        self._expected = self._export("clean")
+        self._clean("clean")
+        started = time.monotonic()
+        assert _wait(self._start("clean")) == 0
+        self.seconds = time.monotonic() - started
 
-def in_child(action) -> int:  # type: ignore[no-untyped-def]
-    """The wait status of a forked child that does ``action``."""
-    child = os.fork()
-    if child == 0:
+    def at_point(self, number: int) -> bool:
+        """Kill at the ``number``-th point; False where the run ended before it."""
+        status = _wait(self._start("run", lambda: arm(number)))
+        if status == 0:
+            self._clean("run")
+            return False
+        assert os.WIFSIGNALED(status), f"failed at point {number} instead of being killed"
+        self._resume(f"point {number}")
+        return True
+
+    def at_random(self, rng: random.Random) -> int:
+        """Kill at random moments, some times over; the number of kills."""
+        kills = 0
+        for _ in range(MOST_AT_RANDOM):
+            child = self._start("run")
+            time.sleep(rng.uniform(0, 1.05 * self.seconds))
+            os.kill(child, signal.SIGKILL)
+            status = _wait(child)
+            if not os.WIFSIGNALED(status):
+                assert status == 0
+                break
+            kills += 1
+        self._resume(f"{kills} kills at random")
+        return kills
+
+    def _start(
+        self, name: str, before: Callable[[], None] = lambda: None, after: Callable[[], object] = lambda: None
+    ) -> int:
+        child = os.fork()
+        if child:
+            return child
         code = 1
         try:
-            action()
+            os.environ["GESTURE_CACHE"] = str(self._folder / f"{name}-cache")
+            before()
+            self._run(self._folder / name)
+            after()
             code = 0
         finally:
             os._exit(code)
+
+    def _run(self, out: Path) -> None:
+        from gesture_core.archive.pipeline import run_archive
+        from gesture_core.archive.run import RunRequest, as_strings
+        from gesture_core.settings import load_settings
+
+        settings = load_settings("paper", environment={}, classify__kernel="numpy")
+        examples = as_strings(self._examples)
+        run_archive(RunRequest(as_strings(self._source), out, settings, examples, engine=self._engine))
+
+    def _resume(self, after: str) -> None:
+        assert _wait(self._start("run")) == 0, f"no resume after {after}"
+        assert self._export("run") == self._expected, f"another export after {after}"
+        self._clean("run")
+
+    def _export(self, name: str) -> list[bytes]:
+        from gesture_core.archive.exporting import write_rows
+
+        return sorted(write_rows(self._folder / name, "csv", None).read_bytes().splitlines(keepends=True))
+
+    def _clean(self, name: str) -> None:
+        shutil.rmtree(self._folder / name)
+        shutil.rmtree(self._folder / f"{name}-cache", ignore_errors=True)
+
+
+def _wait(child: int) -> int:
     return os.waitpid(child, 0)[1]
 
 
-def table(out: Path) -> list[object]:
-    from gesture_core.archive.journal import open_journal
-
-    with open_journal(out) as journal:
-        return list(journal.rows())
-
-
-def main(source: str, examples: str, folder: Path) -> int:
-    import gesture_core.archive.pipeline  # noqa: F401 - loaded once, before the forks
-
-    os.environ["GESTURE_CACHE"] = str(folder / "clean-cache")
-    assert in_child(lambda: run(source, examples, folder / "clean")) == 0
-    expected = table(folder / "clean")
-    kills = 0
-    while True:
-        out = folder / f"run-{kills}"
-        os.environ["GESTURE_CACHE"] = str(folder / f"cache-{kills}")
-
-        def killed(out: Path = out, count: int = kills + 1) -> None:
-            arm(count)
-            run(source, examples, out)
-
-        status = in_child(killed)
-        if status == 0:
-            break
-        assert os.WIFSIGNALED(status), f"failed at point {kills + 1} instead of being killed"
-        kills += 1
-        assert in_child(lambda out=out: run(source, examples, out)) == 0, f"no resume after point {kills}"
-        if table(out) != expected:
-            print(f"another table after point {kills}")
-            return 1
-    print(f"{kills} kills")
-    return 0
+def main(source: str, examples: str, folder: str, at_random: str = "0", seed: str = "1") -> None:
+    victim = Victim(source, examples, Path(folder))
+    points = 0
+    while victim.at_point(points + 1):
+        points += 1
+    kills, rng = 0, random.Random(seed)
+    while kills < int(at_random):
+        kills += victim.at_random(rng)
+    print(f"{points} at points, {kills} at random")
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1], sys.argv[2], Path(sys.argv[3])))
+    main(*sys.argv[1:])

@@ -1,0 +1,83 @@
+"""The rows of a run as a file, by whichever result writer."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from gesture_core.archive.atomic import replacing
+from gesture_core.archive.journal import Journal, open_journal
+from gesture_core.archive.rows import COLUMNS
+from gesture_core.archive.sandbox import Sandbox, SandboxDeath
+from gesture_core.errors import GestureError, PluginError
+from gesture_core.plugin import registry
+from gesture_core.settings import LimitSettings
+
+_SECONDS_BETWEEN_SIGNS = 0.5
+
+
+def export_rows(run: Path, format: str, path: Path | None, limits: LimitSettings) -> Path:
+    """Write the rows of ``run`` to ``path`` or ``<run>/results.<suffix>``; the file is whole or not there.
+
+    Raises
+    ------
+    RunFolderError
+        Where there is no run.
+    PluginError
+        Where the writer is unknown, raises, ends its process, or writes nothing. Writers of third
+        parties run under ``limits`` in a process of their own.
+    """
+    entry = registry().find("writer", format)
+    if entry.origin.built_in:
+        return write_rows(run, format, path)
+    with Sandbox(limits) as sandbox:
+        try:
+            target = os.fsencode(path).hex() if path else ""
+            written: str = sandbox.ask("write", run=os.fsencode(run).hex(), format=format, path=target)
+        except SandboxDeath as death:
+            raise PluginError(
+                f"{entry.title} of {entry.origin}: {death.cause}",
+                kept="every row of the run",
+                remedy="another --format, or report it",
+                code=death.code,
+            ) from death
+    return Path(os.fsdecode(bytes.fromhex(written)))
+
+
+def write_rows(run: Path, format: str, path: Path | None, alive: Callable[[], None] = lambda: None) -> Path:
+    """`export_rows` in this process; ``alive`` is called now and then."""
+    entry = registry().find("writer", format)
+    writer = registry().make("writer", format)
+    with open_journal(run) as journal:
+        try:
+            target = path or run / f"results{writer.suffix}"
+            with replacing(target) as temporary:
+                writer.write(_records(journal, alive), COLUMNS, temporary)
+                if not temporary.is_file():
+                    raise PluginError(
+                        f"{entry.title} of {entry.origin} wrote no file", code="E_PLUGIN_CONTRACT"
+                    )
+        except (GestureError, OSError):
+            raise
+        except (Exception, SystemExit) as error:
+            raise PluginError(
+                f"{entry.title} of {entry.origin} raised {type(error).__name__}: {error}",
+                kept="every row of the run",
+                remedy="another --format, or report it",
+                code="E_PLUGIN_RAISED",
+            ) from error
+    return target
+
+
+def _records(journal: Journal, alive: Callable[[], None]) -> Iterator[dict[str, Any]]:
+    """The rows as records, with a sign of life now and then."""
+    last = time.monotonic()
+    with journal.failures():
+        for row in journal.rows():
+            yield row.as_record()
+            if time.monotonic() - last > _SECONDS_BETWEEN_SIGNS:
+                alive()
+                last = time.monotonic()
