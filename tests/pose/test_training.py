@@ -20,8 +20,10 @@ from gesture_pose_onnx.training import (  # noqa: E402
     export,
     joints,
     label,
+    legs,
     losses,
     network,
+    show,
     skirts,
     swing,
 )
@@ -272,3 +274,57 @@ def test_teachers_vote_and_a_hand_that_nobody_sees_is_not_called_absent() -> Non
     result = label.agree(_Voters(lost), picture, *box, 0.15)  # type: ignore[arg-type]
     assert result is not None
     assert result[1][list(lost)].tolist() == [joints.IGNORED, joints.ABSENT, joints.ABSENT]
+
+
+def test_a_real_person_stands_on_rendered_legs() -> None:
+    rows = np.column_stack([STANDING * 3, np.full(18, joints.PRESENT)]).astype(np.float32)
+    real = rows.copy()
+    real[[9, 10, 12, 13], 2] = joints.ABSENT
+    lender = rows.copy()
+    lender[[4, 7], 1] = 90  # hands up
+    picture, mask = np.full((288, 288, 3), 10, np.uint8), np.zeros((288, 288), np.uint8)
+    mask[30:170, 90:200] = PERSON
+    body, opacity = np.full((288, 288, 3), 200, np.uint8), np.full((288, 288), 255, np.uint8)
+    rng = np.random.default_rng(0)
+    result = legs.stand(rng, picture, mask, real, (body, opacity, lender))
+    assert result is not None
+    out, cover, new = result
+    assert (new[:, 2] == joints.PRESENT).all()
+    feet, neck = new[[10, 13], :2].round().astype(int), new[joints.NECK, :2].round().astype(int)
+    assert (out[feet[:, 1], feet[:, 0]] == 200).all() and (out[neck[1], neck[0]] == 10).all()
+    assert (cover[feet[:, 1], feet[:, 0]] == PERSON).all()
+    # the proportions stay those of the two: hips are shared, so the legs begin where the trunk ends
+    assert np.abs(new[[8, 11], :2].mean(axis=0) - [144, 135]).max() < 1
+    lender[4, 1] = 200  # a hand beside the legs would be a third one
+    assert legs.stand(rng, picture, mask, real, (body, opacity, lender)) is None
+
+
+def test_bars_cut_a_body_at_their_edge() -> None:
+    picture = np.full((96, 96, 3), 90, np.uint8)
+    rows = np.column_stack([STANDING, np.ones(18)]).astype(np.float32)
+    sample = augment.Sample(picture, np.full((96, 96), PERSON, np.uint8), rows, 60.0, False)
+    seen = set()
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        matrix, _ = augment.place(rng, sample, 96, (0, 12))
+        middle = STANDING.mean(axis=0)
+        assert (matrix @ [middle[0], 60.0, 1])[1] > 96 - 12 - 8  # a little slack: bodies are turned
+        seen.add(augment.bars(np.random.default_rng(seed), 192))
+    assert (0, 0) in seen and (0, 24) in seen
+
+
+def test_the_pictures_of_the_card_are_drawn(tmp_path: Path) -> None:
+    import cv2
+
+    log = tmp_path / "curve.csv"
+    log.write_text(
+        "step,images,minutes,size,rate,heat,offset_cells\n1,32,0.1,96,1e-3,2.0,1.5\n2,64,0.2,96,1e-3,1.0,1.2\n"
+        "3,96,0.3,192,1e-3,0.5,1.0\n",
+        encoding="utf-8",
+    )
+    show.curve(log, tmp_path / "curve.png")
+    assert cv2.imread(str(tmp_path / "curve.png")).shape[1] > 300
+    drawn = show.skeleton(np.full((96, 96, 3), 90, np.uint8), STANDING, np.ones(18))
+    assert drawn.shape == (96, 96, 3) and (drawn != 90).any()
+    hidden = show.skeleton(np.full((96, 96, 3), 90, np.uint8), STANDING, np.zeros(18))
+    assert (hidden == 90).all()

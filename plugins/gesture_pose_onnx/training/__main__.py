@@ -23,7 +23,7 @@ from .settings import Settings
 from .store import Store
 from .train import train
 
-STEPS = ("label", "render", "train", "export", "evaluate")
+STEPS = ("label", "render", "train", "export", "evaluate", "show")
 
 
 def track(things: Iterable[object], title: str) -> Iterator[object]:
@@ -82,6 +82,11 @@ def main() -> None:
         from .evaluate import evaluate
 
         print(evaluate(args.out, args.shared, args.work))
+    if "show" in steps:
+        from .show import curve, overlay
+
+        overlay(args.out, args.out.with_name("overlay.png"))
+        curve(args.work / "curve.csv", args.out.with_name("curve.png"))
 
 
 if __name__ == "__main__":

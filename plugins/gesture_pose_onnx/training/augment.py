@@ -9,6 +9,7 @@ import numpy as np
 
 from .cutout import OUTSIDE, PERSON
 from .joints import ABSENT, ELBOWS, FACE, HIPS, IGNORED, MIRROR, NECK, PRESENT, SHOULDERS, WRISTS, body_scale
+from .legs import stand
 from .scenes import invent
 from .swing import swing
 
@@ -180,7 +181,12 @@ def spoil(rng: np.random.Generator, picture: np.ndarray) -> np.ndarray:
 
 
 def augment(
-    rng: np.random.Generator, sample: Sample, size: int, scenes: np.ndarray, extra: Sample | None = None
+    rng: np.random.Generator,
+    sample: Sample,
+    size: int,
+    scenes: np.ndarray,
+    extra: Sample | None = None,
+    legs: Sample | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A training picture and its joints.
 
@@ -189,6 +195,8 @@ def augment(
     extra : Sample, optional
         A rendered person to stand in the background, unlabelled: the network must ignore the
         smaller of two people.
+    legs : Sample, optional
+        A rendered person whose legs a real upper body may stand on.
 
     Returns
     -------
@@ -196,8 +204,12 @@ def augment(
     joints : (18, 3) float32, x, y in pixels and what is known
     """
     moved = False
-    if not sample.rendered and rng.random() < SWUNG:
-        sample, moved = _with_other_arms(rng, sample)
+    if not sample.rendered and (legs is not None or rng.random() < SWUNG) and _cut_well(sample):
+        if rng.random() < (0.4 if legs is not None else 1.0):
+            sample, moved = _with_other_arms(rng, sample)
+        if legs is not None:
+            sample, stands = _with_legs(rng, sample, legs)
+            moved |= stands
     beside, below = bars(rng, size)
     matrix, mirror = place(rng, sample, size, (beside, below))
     points = sample.joints[:, :2].astype(np.float64) @ matrix[:, :2].T + matrix[:, 2]
@@ -244,13 +256,25 @@ def augment(
     return out, np.column_stack([points, known]).astype(np.float32)
 
 
-def _with_other_arms(rng: np.random.Generator, sample: Sample) -> tuple[Sample, bool]:
-    """One arm or both swung elsewhere, where the person is cut out well enough for another scene."""
+def _cut_well(sample: Sample) -> bool:
+    """Whether the person is cut out well enough for another scene."""
     seen = sample.joints[:, 2] == PRESENT
     inside = seen & ((sample.joints[:, :2] >= 0) & (sample.joints[:, :2] < len(sample.mask))).all(axis=1)
     known = np.where(inside, PRESENT, ABSENT)
-    if not _whole((sample.mask == PERSON).astype(np.float32), sample.joints[:, :2], known):
+    return _whole((sample.mask == PERSON).astype(np.float32), sample.joints[:, :2], known)
+
+
+def _with_legs(rng: np.random.Generator, sample: Sample, legs: Sample) -> tuple[Sample, bool]:
+    """The upper body on rendered legs, where the two fit."""
+    other = (legs.picture, legs.mask, legs.joints)
+    result = stand(rng, sample.picture, sample.mask, sample.joints, other)
+    if result is None:
         return sample, False
+    return Sample(*result, 2.0 * len(sample.mask), False), True
+
+
+def _with_other_arms(rng: np.random.Generator, sample: Sample) -> tuple[Sample, bool]:
+    """One arm or both swung elsewhere."""
     picture, mask, joints = sample.picture, sample.mask, sample.joints
     moved = False
     for side in rng.permutation(2)[: 1 if rng.random() < 0.6 else 2]:

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from .augment import Sample, augment
-from .joints import PRESENT, WRISTS
+from .joints import HIPS, NECK, PRESENT, WRISTS
 from .settings import Schedule
 from .store import Store
 
@@ -44,6 +44,12 @@ class Batches(Dataset[tuple[Tensor, Tensor]]):
         arms = (real.joints[:, list(WRISTS), 2] == PRESENT).any(axis=1)
         weights = np.where(film, 0.4, 1.0) * np.where(arms, 1.0, 0.4)
         self.odds = weights / weights.sum()
+        # whole people who stand, their hands above their hips: what lends its legs
+        low = rendered.joints[:, :, 1]
+        hands, hips, feet = (low[:, list(j)] for j in (WRISTS, HIPS, (10, 13)))
+        spread = feet.min(axis=1) - hips.max(axis=1)
+        whole = (rendered.bottoms > rendered.pictures.shape[1]) & (hands.max(axis=1) < hips.min(axis=1))
+        self.whole = np.flatnonzero(whole & (spread > 1.2 * (hips.mean(axis=1) - low[:, NECK])))
 
     def __len__(self) -> int:
         return sum(leg.steps for leg in self.schedule)
@@ -54,9 +60,11 @@ class Batches(Dataset[tuple[Tensor, Tensor]]):
         pictures = np.empty((leg.batch, leg.size, leg.size, 3), np.uint8)
         joints = np.empty((leg.batch, 18, 3), np.float32)
         for index in range(leg.batch):
-            sample = self._real(rng) if rng.random() < leg.real else self._rendered(rng)
-            extra = self._rendered(rng) if rng.random() < 0.1 else None
-            pictures[index], joints[index] = augment(rng, sample, leg.size, self.scenes, extra)
+            real = rng.random() < leg.real
+            sample = self._real(rng) if real else self._rendered(rng)
+            extra = self._rendered(rng) if rng.random() < 0.12 else None
+            legs = self._legs(rng) if real and rng.random() < 0.35 else None
+            pictures[index], joints[index] = augment(rng, sample, leg.size, self.scenes, extra, legs)
         return torch.from_numpy(pictures.transpose(0, 3, 1, 2)), torch.from_numpy(joints)
 
     def _real(self, rng: np.random.Generator) -> Sample:
@@ -64,6 +72,9 @@ class Batches(Dataset[tuple[Tensor, Tensor]]):
 
     def _rendered(self, rng: np.random.Generator) -> Sample:
         return self._take(self.rendered, int(rng.integers(len(self.rendered))), True)
+
+    def _legs(self, rng: np.random.Generator) -> Sample | None:
+        return self._take(self.rendered, int(rng.choice(self.whole)), True) if len(self.whole) else None
 
     @staticmethod
     def _take(store: Store, index: int, rendered: bool) -> Sample:

@@ -56,6 +56,14 @@ def invent(rng: np.random.Generator, size: int) -> np.ndarray:
         cells = int(rng.integers(2, 40))
         noise = rng.normal(0, rng.uniform(3, 45), (cells, cells, 1 if rng.random() < 0.5 else 3))
         scene += cv2.resize(noise.astype(np.float32), (size, size)).reshape(size, size, -1)
+    if rng.random() < 0.2:  # blinds, shelves, tiles: a part of the wall in stripes
+        rows = np.sin(np.arange(size) * rng.uniform(0.3, 2.2) * 192 / size) > rng.uniform(-0.6, 0.6)
+        a, b = np.sort(rng.integers(0, size + 1, 2))
+        stripes = np.where(rows[:, None], rng.uniform(0, 255, 3), rng.uniform(0, 255, 3))
+        if rng.random() < 0.7:
+            scene[:, a:b] = 0.3 * scene[:, a:b] + 0.7 * stripes[:, None]
+        else:
+            scene[a:b] = 0.3 * scene[a:b] + 0.7 * stripes[None]
     for _ in range(int(rng.integers(0, 14))):
         colour = [float(v) for v in rng.uniform(0, 255, 3)]
         a, b = (tuple(int(v) for v in rng.uniform(-0.2, 1.2, 2) * size) for _ in range(2))
