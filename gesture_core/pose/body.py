@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gesture_core.plugin.kinds import Person
+from gesture_core.pose.sighting import moved
 from gesture_core.skeletons import Skeleton
 
 # Rough proportions of an adult in torso lengths (shoulders to hips; cf. Drillis and Contini 1966): a raised
@@ -68,7 +69,7 @@ class Window:
 
     def back(self, person: Person) -> Person:
         """A person found in `view`, in pixels of the frame."""
-        return Person(person.keypoints + np.array([self.left, self.top], np.float32), person.scores)
+        return moved(person, (self.left, self.top))
 
 
 _LEAST = 32
@@ -124,3 +125,31 @@ class Anatomy:
             return None
         centre = middle + down * torso * (BELOW - ABOVE) / 2
         return Body(float(centre[0]), float(centre[1]), torso, (float(middle[0]), float(middle[1])))
+
+
+_SPAN = 31
+"""Frames of the running median of `torso_lengths`."""
+
+
+def torso_lengths(points: np.ndarray, body: Skeleton) -> np.ndarray:
+    """(T,) length of the torso in each frame of (T, J, 2) keypoints, in pixels, steady over time.
+
+    The larger of shoulders to hips and what the width of the shoulders says of it, as a person who turns
+    aside has not become smaller; a running median, the nearest value where nothing is seen. NaN
+    throughout where it is never seen.
+    """
+    from scipy.ndimage import median_filter
+
+    shoulders, hips = (
+        points[:, [body.index(f"right_{part}"), body.index(f"left_{part}")]].astype(np.float64)
+        for part in ("shoulder", "hip")
+    )
+    down = np.linalg.norm(shoulders.mean(axis=1) - hips.mean(axis=1), axis=1)
+    across = np.linalg.norm(shoulders[:, 0] - shoulders[:, 1], axis=1) / SHOULDERS
+    length = np.fmax(down, 0.9 * across)
+    seen = np.flatnonzero(length > 2)
+    if not len(seen):
+        return np.full(len(points), np.nan)
+    every = np.interp(np.arange(len(points)), seen, length[seen])
+    steady: np.ndarray = median_filter(every, _SPAN, mode="nearest")
+    return steady

@@ -11,6 +11,7 @@ import numpy as np
 
 from gesture_core.plugin.kinds import PoseBackend
 from gesture_core.pose.follow import Follower
+from gesture_core.pose.steady import Steady
 from gesture_core.pose.tracks import Tracker
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
@@ -57,6 +58,7 @@ def extract_poses(
     people: str = "single",
     *,
     follow: bool | None = None,
+    steady: bool = True,
     source: str = "",
 ) -> list[PoseSequence]:
     """The keypoints of everybody in a video.
@@ -71,6 +73,9 @@ def extract_poses(
         One sequence with the most visible person of each frame, or one for each person tracked.
     follow : bool, optional
         Crop to the person and follow them; None lets the network's contract decide. Only with
+        ``people="single"``.
+    steady : bool
+        Choose every limb for all frames together (`gesture_core.pose.steady`). Only with
         ``people="single"``.
     source : str
         What to call the input.
@@ -89,7 +94,10 @@ def extract_poses(
     stream = iter(frames)
     times: list[float] = []
     size: tuple[int, int] | None = None
-    joints = len(skeleton(backend.skeleton).joints)
+    body = skeleton(backend.skeleton)
+    joints = len(body.joints)
+    chooser = Steady(body) if steady and people == "single" else None
+    peaks: list[np.ndarray] = []
     points: list[np.ndarray] = []
     scores: list[np.ndarray] = []
     tracker = Tracker(joints)
@@ -113,7 +121,13 @@ def extract_poses(
         for person in best:
             points.append(person.keypoints if person else np.full((joints, 2), np.nan))
             scores.append(person.scores if person else np.zeros(joints))
-    provenance = {"people": people, "follow": str(follower is not None)}
+            if chooser:
+                peaks.append(chooser.peaks_of(person))
+    provenance = {
+        "people": people,
+        "follow": str(follower is not None),
+        "steady": str(chooser is not None),
+    }
     provenance |= getattr(backend, "provenance", {})
     at = np.array(times, np.float64)
     if people == "multi":
@@ -123,9 +137,10 @@ def extract_poses(
         ]
     if not times:
         return []
-    return [
-        PoseSequence(np.stack(points), np.stack(scores), at, backend.skeleton, size, 0, source, provenance)
-    ]
+    where, sure = np.stack(points), np.stack(scores)
+    if chooser:
+        where, sure = chooser.choose(where, sure, np.stack(peaks), at)
+    return [PoseSequence(where, sure, at, backend.skeleton, size, 0, source, provenance)]
 
 
 def _batches(stream: Iterator[Frame], size: int) -> Iterator[list[Frame]]:

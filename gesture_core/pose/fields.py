@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.pose.heatmaps import refine
+from gesture_core.pose.heatmaps import find_peaks
 
 LIMBS: dict[str, tuple[tuple[int, int], ...]] = {
     "coco18": (
@@ -56,24 +56,6 @@ class AssemblyRules:
     samples: int = 10
     joints: int = 4
     mean_score: float = 0.2
-
-
-def find_peaks(maps: np.ndarray, floor: float) -> tuple[np.ndarray, ...]:
-    """All local maxima above `floor` of (N, J, h, w) maps: picture, joint, point (P, 2), score (P,).
-
-    A cell is a maximum where it exceeds its left and upper neighbours and no other neighbour
-    exceeds it, so that of two equal cells exactly one counts.
-    """
-    padded = np.pad(maps, ((0, 0), (0, 0), (1, 1), (1, 1)), constant_values=-np.inf)
-    high, wide = maps.shape[2:]
-    peak = maps > floor
-    for dy, dx in ((-1, -1), (-1, 0), (-1, 1), (0, -1)):
-        peak &= maps > padded[:, :, 1 + dy : 1 + dy + high, 1 + dx : 1 + dx + wide]
-    for dy, dx in ((0, 1), (1, -1), (1, 0), (1, 1)):
-        peak &= maps >= padded[:, :, 1 + dy : 1 + dy + high, 1 + dx : 1 + dx + wide]
-    n, j, y, x = np.nonzero(peak)
-    scores = np.clip(maps[n, j, y, x], 0, 1)
-    return n, j, refine(maps, n, j, y, x), scores
 
 
 def limb_scores(field: np.ndarray, starts: np.ndarray, ends: np.ndarray, rules: AssemblyRules) -> np.ndarray:

@@ -7,28 +7,67 @@ import numpy as np
 _FLOOR = 1e-4
 
 
-def best_peaks(maps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The highest peak of each map.
+def find_peaks(maps: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All local maxima above ``floor``.
+
+    A cell is a maximum where it exceeds its left and upper neighbours and no other neighbour
+    exceeds it, so that of two equal cells exactly one counts. NaN is never a maximum.
 
     Parameters
     ----------
     maps : (N, J, h, w) float array
+    floor : float
 
     Returns
     -------
-    points : (N, J, 2) float32
+    picture, joint : (P,) int arrays
+    points : (P, 2) float32
         x, y in cells, counted from the centre of the first cell.
-    scores : (N, J) float32
+    scores : (P,) float32
         Height of the peak, clipped to 0..1.
     """
-    pictures, joints, high, wide = maps.shape
-    flat = maps.reshape(pictures, joints, high * wide)
-    best = flat.argmax(axis=2)
-    scores = np.take_along_axis(flat, best[..., None], axis=2)[..., 0]
-    y, x = np.divmod(best, wide)
-    n, j = np.ogrid[:pictures, :joints]
-    points = refine(maps, n, j, y, x)
-    return points, np.clip(scores, 0, 1).astype(np.float32)
+    high, wide = maps.shape[2:]
+    # Few cells are above the floor, so that looking at their neighbours costs less than comparing maps.
+    n, j, y, x = np.nonzero(maps > floor)
+    here = maps[n, j, y, x]
+    peak = np.ones(len(n), bool)
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            if (dy, dx) == (0, 0):
+                continue
+            inside = (y + dy >= 0) & (y + dy < high) & (x + dx >= 0) & (x + dx < wide)
+            beside = maps[n, j, np.clip(y + dy, 0, high - 1), np.clip(x + dx, 0, wide - 1)]
+            lower = here > beside if (dy, dx) < (0, 0) else here >= beside
+            peak &= lower | ~inside | np.isnan(beside)
+    n, j, y, x = n[peak], j[peak], y[peak], x[peak]
+    return n, j, refine(maps, n, j, y, x), np.clip(here[peak], 0, 1).astype(np.float32)
+
+
+def top_peaks(maps: np.ndarray, count: int, floor: float) -> np.ndarray:
+    """The highest peaks of each map.
+
+    Parameters
+    ----------
+    maps : (N, J, h, w) float array
+    count : int
+    floor : float
+        Lower peaks are left out.
+
+    Returns
+    -------
+    (N, J, count, 3) float32
+        x, y in cells and the score, the highest first; NaN, NaN, 0 beyond the last peak.
+    """
+    n, j, points, scores = find_peaks(maps, floor)
+    order = np.lexsort((-scores, j, n))
+    map_of = (n * maps.shape[1] + j)[order]
+    rank = np.arange(len(order)) - np.searchsorted(map_of, map_of)
+    found = np.full((*maps.shape[:2], count, 3), np.nan, np.float32)
+    found[..., 2] = 0
+    order, rank = order[rank < count], rank[rank < count]
+    found[n[order], j[order], rank, :2] = points[order]
+    found[n[order], j[order], rank, 2] = scores[order]
+    return found
 
 
 def refine(maps: np.ndarray, n: np.ndarray, j: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -53,5 +92,5 @@ def refine(maps: np.ndarray, n: np.ndarray, j: np.ndarray, y: np.ndarray, x: np.
 def _vertex(before: np.ndarray, centre: np.ndarray, after: np.ndarray) -> np.ndarray:
     a, b, c = (np.log(np.maximum(v, _FLOOR)) for v in (before, centre, after))
     curve = a - 2 * b + c
-    flat = curve > -1e-6
+    flat = ~(curve < -1e-6)  # NaN too: then the cell itself is kept
     return np.clip(np.where(flat, 0, (a - c) / np.where(flat, 1, 2 * curve)), -0.5, 0.5)

@@ -14,11 +14,12 @@ import numpy as np
 from gesture_core.errors import ModelError, PoseError
 from gesture_core.plugin.kinds import Person
 from gesture_core.pose.contracts import ModelContract
-from gesture_core.pose.decode import decode
+from gesture_core.pose.decode import Found, decode
 from gesture_core.pose.fields import AssemblyRules
 from gesture_core.pose.layouts import Tensor, infer_contract
 from gesture_core.pose.letterbox import Letterbox, input_size, to_batch
 from gesture_core.pose.model_file import ModelFile
+from gesture_core.pose.sighting import Sighting
 
 PEOPLE = ("single", "multi")
 
@@ -132,7 +133,7 @@ class NetworkBackend(ABC):
         box = Letterbox.fit((wide, high), size)
         outputs = self._run(to_batch(frames, box, self.contract))
         pictures = decode(outputs, self.contract, size, people, self.rules)
-        return [[self._person(*one, box, (wide, high)) for one in picture] for picture in pictures]
+        return [[self._person(one, box, (wide, high)) for one in picture] for picture in pictures]
 
     def _run(self, batch: np.ndarray) -> list[np.ndarray]:
         if len(batch) == 1 or self.contract.batch != 1:
@@ -140,17 +141,13 @@ class NetworkBackend(ABC):
         each = [self.run(batch[i : i + 1]) for i in range(len(batch))]
         return [np.concatenate(outputs) for outputs in zip(*each, strict=True)]
 
-    def _person(
-        self, points: np.ndarray, scores: np.ndarray, box: Letterbox, frame_size: tuple[int, int]
-    ) -> Person:
-        points = box.back(points)
-        wide, high = frame_size
-        # A peak in the border that letterboxing added is a joint outside the picture: a guess.
-        inside = (points > -0.02 * max(wide, high)).all(1) & (points < 1.02 * np.array([wide, high])).all(1)
-        keep = (scores >= self.score) & inside & np.isfinite(points).all(1)
-        limit = np.array([wide - 1, high - 1], np.float32)
-        points = np.where(keep[:, None], np.clip(points, 0, limit), np.nan)
-        return Person(points.astype(np.float32), np.where(keep, scores, 0).astype(np.float32))
+    def _person(self, found: Found, box: Letterbox, frame_size: tuple[int, int]) -> Person:
+        joints = np.concatenate([found.points, found.scores[:, None]], axis=1)
+        kept = _in_frame(joints, self.score, box, frame_size)
+        points, scores = kept[:, :2], kept[:, 2]
+        if found.peaks is None:
+            return Person(points, scores)
+        return Sighting(points, scores, _in_frame(found.peaks, 0.0, box, frame_size))
 
     def _probe(self) -> ModelContract:
         """The contract of a network that no header describes, from one run on a grey picture."""
@@ -166,6 +163,21 @@ class NetworkBackend(ABC):
                 f"input of type {declared.dtype}", subject=str(self.model.path), code="E_MODEL_INPUT"
             ) from error
         return infer_contract([declared], [out.shape for out in outputs], str(self.model.path))
+
+
+def _in_frame(joints: np.ndarray, least: float, box: Letterbox, frame_size: tuple[int, int]) -> np.ndarray:
+    """(..., 3) x, y, score of the input in pixels of the frame; NaN, NaN, 0 outside and below ``least``."""
+    points, scores = box.back(joints[..., :2]), joints[..., 2]
+    wide, high = frame_size
+    # A peak in the border that letterboxing added is a joint outside the picture: a guess.
+    slack = 0.02 * max(wide, high)
+    inside = (points > -slack).all(-1) & (points < np.array([wide, high]) + slack).all(-1)
+    kept = (scores >= least) & inside
+    out = np.empty(joints.shape, np.float32)
+    limit = np.array([wide - 1, high - 1], np.float32)
+    out[..., :2] = np.where(kept[..., None], np.clip(points, 0, limit), np.nan)
+    out[..., 2] = np.where(kept, scores, 0)
+    return out
 
 
 def _checked(frame: np.ndarray) -> np.ndarray:

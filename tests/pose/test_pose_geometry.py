@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gesture_core.plugin.kinds import Person
 from gesture_core.pose.body import BELOW, SHOULDERS, Anatomy, Body, Window
 from gesture_core.pose.contracts import ModelContract
-from gesture_core.pose.heatmaps import best_peaks
+from gesture_core.pose.heatmaps import find_peaks, top_peaks
 from gesture_core.pose.letterbox import Letterbox, input_size, to_batch
 from gesture_core.skeletons import COCO18, SKELETONS
 
@@ -75,19 +75,48 @@ def test_gaussian_peaks_are_found_below_the_size_of_a_cell(
     maps = np.stack(
         [height * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / (2 * sigma**2)) for x, y in places]
     )
-    points, scores = best_peaks(maps[None].astype(np.float32))
-    assert np.linalg.norm(points[0] - places, axis=1).max() < 0.05
-    assert (np.abs(scores[0] - maps.max(axis=(1, 2))) < 1e-5).all()
+    peaks = top_peaks(maps[None].astype(np.float32), 1, 0.1)[0, :, 0]
+    assert np.linalg.norm(peaks[:, :2] - places, axis=1).max() < 0.05
+    assert (np.abs(peaks[:, 2] - maps.max(axis=(1, 2))) < 1e-5).all()
 
 
-def test_flat_negative_and_border_maps_have_a_peak_without_fuss() -> None:
-    maps = np.zeros((1, 4, 5, 6), np.float32)
+def test_flat_negative_and_border_maps_are_read_without_fuss() -> None:
+    maps = np.zeros((1, 6, 5, 6), np.float32)
     maps[0, 1] = -3
     maps[0, 2, 0, 0] = maps[0, 3, 4, 5] = 7
-    points, scores = best_peaks(maps)
+    maps[0, 4] = np.nan
+    maps[0, 5] = 0.5  # all of one height: exactly one peak
+    peaks = top_peaks(maps, 2, 0.05)[0]
+    assert np.isnan(peaks[[0, 1, 4], :, :2]).all() and (peaks[[0, 1, 4], :, 2] == 0).all()
+    assert peaks[2, 0].tolist() == [0, 0, 1] and peaks[3, 0].tolist() == [5, 4, 1]
+    assert peaks[5, 0, 2] == 0.5 and np.isnan(peaks[5, 1, :2]).all()
+
+
+def test_a_peak_beside_a_cell_that_is_no_number_is_found() -> None:
+    maps = np.zeros((1, 1, 5, 5), np.float32)
+    maps[0, 0, 2, 2], maps[0, 0, 2, 3] = 0.8, np.nan
+    n, _, points, scores = find_peaks(maps, 0.1)
+    assert n.tolist() == [0] and scores.tolist() == pytest.approx([0.8])
     assert np.isfinite(points).all()
-    assert points[0, 2].tolist() == [0, 0] and points[0, 3].tolist() == [5, 4]
-    assert scores[0].tolist() == [0, 0, 1, 1]
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_highest_peaks_come_first_and_agree_with_a_plain_search(seed: int) -> None:
+    maps = np.random.default_rng(seed).random((2, 3, 7, 6)).astype(np.float32)
+    found = top_peaks(maps, 4, 0.5)
+    for one, top in zip(maps.reshape(-1, 7, 6), found.reshape(-1, 4, 3), strict=True):
+        around = np.pad(one, 1, constant_values=-1)
+        plain = sorted(
+            (
+                float(one[y, x])
+                for y in range(7)
+                for x in range(6)
+                if one[y, x] > 0.5 and one[y, x] == around[y : y + 3, x : x + 3].max()
+            ),
+            reverse=True,
+        )[:4]
+        assert top[: len(plain), 2].tolist() == plain and np.isnan(top[len(plain) :, 0]).all()
+        assert (top[len(plain) :, 2] == 0).all()
 
 
 def _person(**places: tuple[float, float]) -> Person:
