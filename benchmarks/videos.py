@@ -1,6 +1,7 @@
 """Keypoints of body_gesture from its RGB videos, by a pose network of this machine.
 
     python benchmarks/videos.py --model compact --every 2 --cache FOLDER [--shared FOLDER]
+    python benchmarks/videos.py --model ../shared/models/hpe0001_f32_dynamic.onnx --follow --height 256 ...
 
 Leaves one .npz for each clip in the cache folder (yours, never the project's), which
 ``benchmarks/evaluate.py --videos FOLDER`` reads; interrupted, it goes on where it stopped.
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 import sys
 import time
+from argparse import BooleanOptionalAction
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +21,7 @@ from datasets import Item, arguments, body_gesture
 
 from gesture_core.errors import GestureError
 from gesture_core.media.reader import open_video
+from gesture_core.plugin.kinds import PoseBackend
 from gesture_core.pose.extract import extract_poses, open_backend
 from gesture_core.settings import load_settings
 from gesture_core.types import PoseSequence
@@ -29,11 +32,11 @@ def video_of(item: Item, shared: Path) -> Path:
     return shared / "data" / "body_gesture" / item.subject / f"{item.name.split('__')[2]}.avi"
 
 
-def extract(video: Path, backend: object, every: int) -> PoseSequence:
+def extract(video: Path, backend: PoseBackend, every: int, follow: bool | None = None) -> PoseSequence:
     """Keypoints of every n-th frame of a clip."""
     with open_video(video) as frames:
         taken = (frame for number, frame in enumerate(frames) if number % every == 0)
-        people = extract_poses(taken, backend, source=str(video))  # type: ignore[arg-type]
+        people = extract_poses(taken, backend, follow=follow, source=str(video))
     return people[0]
 
 
@@ -64,10 +67,20 @@ def main() -> int:
     parser.add_argument("--model", default="compact")
     parser.add_argument("--every", type=int, default=1, help="take every n-th frame")
     parser.add_argument("--cache", type=Path, required=True)
+    parser.add_argument(
+        "--follow",
+        action=BooleanOptionalAction,
+        help="crop to the person; None: as the network's contract says",
+    )
+    parser.add_argument(
+        "--height", type=int, default=368, help="of the input, for networks that take any size"
+    )
     parser.add_argument("--threads", type=int, default=1)
     given = parser.parse_args()
     given.cache.mkdir(parents=True, exist_ok=True)
-    backend = open_backend(load_settings("modern", pose__model=given.model), given.threads)
+    backend = open_backend(
+        load_settings("modern", pose__model=given.model, pose__height=given.height), given.threads
+    )
     items = body_gesture(given.shared)
     # Clips of all gestures and subjects come early, so that a part of the set is a fair sample.
     order = sorted(items, key=lambda item: (items.index(item) * 97) % len(items))
@@ -77,7 +90,7 @@ def main() -> int:
         if path.is_file():
             continue
         try:
-            pose = extract(video_of(item, given.shared), backend, given.every)
+            pose = extract(video_of(item, given.shared), backend, given.every, given.follow)
         except GestureError as error:
             print(f"{item.name}: {error}", file=sys.stderr)
             continue
