@@ -49,11 +49,22 @@ def list_models() -> int:
         else:
             where = "missing from this installation" if known.packaged else known.where
             more.append((known.name, known.summary, known.licence, where))
-    print_table(("name", "status", "output", "input", "sha256", "licence", "file"), here)
+    print_table(("name", "status", "output", "input", "sha256", "licence"), [row[:-1] for row in here])
+    _print_places(here)
     if more:
-        print("Known, not here; bring the file with: gesture models add FILE")
-        print_table(("name", "what it is", "licence", "where to get it"), more)
+        print("\nKnown, not here; bring the file with: gesture models add FILE")
+        print_table(("name", "what it is", "licence"), [row[:-1] for row in more])
+        _print_places(more)
     return 0
+
+
+def _print_places(rows: list[tuple[str, ...]]) -> None:
+    """Paths and addresses on lines of their own: a narrow table would break them."""
+    from gesture_core.cli.screen import visible
+
+    width = max((len(row[0]) for row in rows), default=0)
+    for row in rows:
+        print(f" {visible(row[0]):<{width}}   {visible(row[-1])}")
 
 
 app.command(list_models, name="list")
@@ -117,9 +128,8 @@ def verify() -> int:
     from gesture_core.pose.adding import verify_models
 
     found = verify_models()
-    print_table(
-        ("name", "status", "file"), [(name, trouble or "ok", str(path)) for name, path, trouble in found]
-    )
+    print_table(("name", "status"), [(name, trouble or "ok") for name, _, trouble in found])
+    _print_places([(name, str(path)) for name, path, _ in found])
     return 3 if any(trouble for _, _, trouble in found) else 0
 
 
