@@ -58,7 +58,7 @@ def extract_poses(
     people: str = "single",
     *,
     follow: bool | None = None,
-    steady: bool = True,
+    steady: bool | None = None,
     source: str = "",
 ) -> list[PoseSequence]:
     """The keypoints of everybody in a video.
@@ -74,9 +74,9 @@ def extract_poses(
     follow : bool, optional
         Crop to the person and follow them; None lets the network's contract decide. Only with
         ``people="single"``.
-    steady : bool
-        Choose every limb for all frames together (`gesture_core.pose.steady`). Only with
-        ``people="single"``.
+    steady : bool, optional
+        Choose every limb for all frames together (`gesture_core.pose.steady`); None lets the backend
+        decide, which does unless its option ``steady`` says no. Only with ``people="single"``.
     source : str
         What to call the input.
 
@@ -96,6 +96,8 @@ def extract_poses(
     size: tuple[int, int] | None = None
     body = skeleton(backend.skeleton)
     joints = len(body.joints)
+    if steady is None:
+        steady = bool(getattr(backend, "steady", True))
     chooser = Steady(body) if steady and people == "single" else None
     peaks: list[np.ndarray] = []
     points: list[np.ndarray] = []

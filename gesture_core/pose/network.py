@@ -38,6 +38,8 @@ class NetworkBackend(ABC):
         Frames that run together, where the network takes batches.
     threads : int
         Of the runtime; 0 leaves it to the runtime.
+    steady : bool
+        Whether the limbs of a video are chosen for all frames together (`gesture_core.pose.steady`).
     """
 
     name = ""
@@ -50,6 +52,7 @@ class NetworkBackend(ABC):
         score: float | None = None,
         batch_size: int = 8,
         threads: int = 0,
+        steady: bool = True,
     ) -> None:
         if (
             not 0 <= (score or 0) <= 1
@@ -64,6 +67,7 @@ class NetworkBackend(ABC):
         self.model = model
         self.height = height
         self.threads = threads
+        self.steady = steady
         self.open(model)
         self.contract = model.contract or self._probe()
         self.score = self.contract.score if score is None else score

@@ -130,6 +130,16 @@ def test_times_size_and_provenance_are_kept(tmp_path: Path) -> None:
     assert pose.provenance["score"] == "0.25" and pose.provenance["people"] == "single"
 
 
+def test_the_choice_over_time_is_an_option_of_the_backend(tmp_path: Path) -> None:
+    path = dot_network(tmp_path / "dots.onnx")
+    sets = [f"pose.model={path}", "onnx.steady=false"]
+    still = open_backend(load_settings(sets=sets, environment={}))
+    frames = film(walk(9, size=300))
+    assert extract_poses(frames, still)[0].provenance["steady"] == "False"
+    assert extract_poses(frames, backend(path))[0].provenance["steady"] == "True"
+    assert extract_poses(frames, still, steady=True)[0].provenance["steady"] == "True"
+
+
 def test_no_frames_are_no_sequence(tmp_path: Path) -> None:
     network = backend(random_maps(tmp_path / "r.onnx"))
     assert extract_poses([], network) == [] and extract_poses(iter([]), network, "multi") == []
