@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from gesture_core.archive.run import RunRequest, RunSummary
 from gesture_core.cli.flags import Flags, RunFlags
-from gesture_core.cli.progress import progress
+from gesture_core.cli.progress import progress, say_event
 from gesture_core.cli.screen import counted, print_rows, visible
 
 
@@ -70,15 +70,35 @@ def execute(
 
 
 def say_summary(summary: RunSummary) -> None:
-    """The last lines on standard error: counts, speed, where the result is."""
-    total = sum(summary.counts.values())
+    """The end of a run on standard error: text on a terminal, one JSON line otherwise."""
+    if sys.stderr.isatty():
+        _say_to_people(summary)
+        return
+    say_event(
+        "done",
+        rows=sum(summary.counts.values()),
+        counts=dict(sorted(summary.counts.items())),
+        worked_on=summary.done_now,
+        seconds=round(summary.elapsed, 3),
+        frames=summary.frames,
+        kernel=summary.kernel,
+        failed_examples=[row.input for row in summary.failed_examples],
+        lost_classes=list(summary.lost_classes),
+        database=str(summary.out / "run.db"),
+        fingerprint=summary.fingerprint,
+        exit_code=summary.exit_code,
+    )
+
+
+def _say_to_people(summary: RunSummary) -> None:
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.counts.items()))
-    database = summary.out / "run.db"
+    database = visible(str(summary.out / "run.db"))
     if summary.done_now:
         speed = f", {summary.frames / summary.elapsed:.0f} frames/s" if summary.frames else ""
         kernel = f", kernel {summary.kernel}" if summary.kernel else ""
         took = f"{counted(summary.done_now, 'input')} in {summary.elapsed:.1f} s{speed}{kernel}"
-        print(f"{counted(total, 'row')}: {counts}; {took}; {database}", file=sys.stderr)
+        total = counted(sum(summary.counts.values()), "row")
+        print(f"{total}: {counts}; {took}; {database}", file=sys.stderr)
     else:
         print(f"nothing to do: all rows ({counts}) are in {database}", file=sys.stderr)
     for row in summary.failed_examples:

@@ -84,7 +84,7 @@ class _JsonLines(Listener):
 
     def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
         self._total = waiting + examples if waiting else 0
-        self._say("planned", inputs=inputs, waiting=waiting, examples=examples, kernel=kernel)
+        say_event("planned", inputs=inputs, waiting=waiting, examples=examples, kernel=kernel)
 
     def frames(self, name: str, count: int) -> None:
         self._frames += count
@@ -95,7 +95,7 @@ class _JsonLines(Listener):
         self._tick()
 
     def example_failed(self, row: Row) -> None:
-        self._say("example_failed", input=row.input, code=row.code, message=row.message)
+        say_event("example_failed", input=row.input, code=row.code, message=row.message)
 
     def _tick(self) -> None:
         now = time.monotonic()
@@ -103,7 +103,7 @@ class _JsonLines(Listener):
             return
         self._last = now
         elapsed = now - self._started
-        self._say(
+        say_event(
             "progress",
             files=self._done,
             of=self._total,
@@ -111,5 +111,7 @@ class _JsonLines(Listener):
             seconds_left=round(elapsed / self._done * (self._total - self._done)) if self._done else None,
         )
 
-    def _say(self, event: str, **facts: Any) -> None:
-        print(json.dumps({"event": event, **facts}, ensure_ascii=False), file=sys.stderr, flush=True)
+
+def say_event(event: str, **facts: Any) -> None:
+    """One JSON line on standard error."""
+    print(json.dumps({"event": event, **facts}, ensure_ascii=False), file=sys.stderr, flush=True)

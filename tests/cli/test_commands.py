@@ -38,9 +38,11 @@ def test_rows_go_to_a_pipe_as_json_and_progress_to_standard_error(drawn: DemoArc
     assert isinstance(rows[0]["neighbors"], list)
     events = [json.loads(line) for line in done.stderr.splitlines() if line.startswith("{")]
     assert events[0] == {"event": "planned", "inputs": 12, "waiting": 12, "examples": 6, "kernel": "numpy"}
-    assert "run.db" in done.stderr.splitlines()[-1]
+    assert events[-1]["event"] == "done" and len(events) == len(done.stderr.splitlines())
+    assert events[-1]["database"].endswith("run.db") and events[-1]["rows"] == 12
+    assert events[-1]["worked_on"] == 12 and events[-1]["exit_code"] == done.returncode
     again = gesture("classify", drawn.video_keypoints, *options(drawn, tmp_path / "run"), "--neighbors", "1")
-    assert "nothing to do" in again.stderr
+    assert json.loads(again.stderr.splitlines()[-1])["worked_on"] == 0
     assert again.stdout == done.stdout
 
 
