@@ -14,9 +14,7 @@ def rows() -> list[Row]:
     return [
         Row("in/a.mp4", label="wave", distance=0.25, margin=0.5, neighbors=near, status="ok"),
         Row("in/b.mp4", status="skipped", code="E_NOT_AN_INPUT", message="in/b.mp4: neither"),
-        Row(
-            "in/c\x1b[2J.mp4", person=2, status="error", code="E_MEDIA_BROKEN", message="in/c\x1b[2J.mp4: no"
-        ),
+        Row(clears, person=2, status="error", code="E_MEDIA_BROKEN", message=f"{clears}: no"),
     ]
 
 
