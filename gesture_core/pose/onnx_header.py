@@ -39,7 +39,7 @@ def read_header(data: bytes, subject: str = "") -> OnnxHeader:
         graphs = [value for number, value in _fields(view) if number == 7 and isinstance(value, memoryview)]
         if len(graphs) != 1:
             raise ValueError("no graph")
-        if any(_external(graphs[0], "graph", 0)):
+        if any(_external(view, "model", 0)):
             raise ModelError(
                 "the model keeps weights in other files",
                 subject=subject,
@@ -67,6 +67,9 @@ def read_header(data: bytes, subject: str = "") -> OnnxHeader:
 
 # Where messages that may hold tensors lie: message -> {field number: message}.
 _INSIDE = {
+    "model": {7: "graph", 20: "training", 25: "function"},
+    "training": {1: "graph", 2: "graph"},
+    "function": {7: "node", 11: "attribute"},
     "graph": {1: "node", 5: "tensor", 15: "sparse"},
     "node": {5: "attribute"},
     "attribute": {5: "tensor", 6: "graph", 10: "tensor", 11: "graph", 22: "sparse", 23: "sparse"},

@@ -68,6 +68,17 @@ def test_weights_in_other_files_are_refused_wherever_they_hide() -> None:
         model = onnx.helper.make_model(onnx.helper.make_graph([node], "outer", [], []))
         with pytest.raises(ModelError, match="E_MODEL_EXTERNAL"):
             read_header(model.SerializeToString())
+    plain = onnx.helper.make_model(onnx.helper.make_graph([], "outer", [], []))
+    assert not read_header(plain.SerializeToString()).inputs
+    for place in ("function", "training"):
+        model = onnx.helper.make_model(onnx.helper.make_graph([], "outer", [], []))
+        if place == "function":
+            node = onnx.helper.make_node("Constant", [], ["c"], value=tensor)
+            model.functions.append(onnx.helper.make_function("own", "f", [], ["c"], [node], []))
+        else:
+            model.training_info.add().algorithm.CopyFrom(inner)
+        with pytest.raises(ModelError, match="E_MODEL_EXTERNAL"):
+            read_header(model.SerializeToString())
 
 
 def test_weights_listed_as_inputs_are_no_pictures(tmp_path: Path) -> None:
