@@ -140,10 +140,12 @@ class NetworkBackend(ABC):
         return [[self._person(one, box, (wide, high)) for one in picture] for picture in pictures]
 
     def _run(self, batch: np.ndarray) -> list[np.ndarray]:
-        if len(batch) == 1 or self.contract.batch != 1:
+        """The outputs for a batch of at most `batch_size`, filled up where the file fixes their number."""
+        lacking = (self.contract.batch or len(batch)) - len(batch)
+        if not lacking:
             return self.run(batch)
-        each = [self.run(batch[i : i + 1]) for i in range(len(batch))]
-        return [np.concatenate(outputs) for outputs in zip(*each, strict=True)]
+        filled = np.concatenate([batch, np.repeat(batch[-1:], lacking, axis=0)])
+        return [output[: len(batch)] for output in self.run(filled)]
 
     def _person(self, found: Found, box: Letterbox, frame_size: tuple[int, int]) -> Person:
         joints = np.concatenate([found.points, found.scores[:, None]], axis=1)

@@ -21,12 +21,14 @@ class OpenCvBackend(NetworkBackend):
 
     def open(self, model: ModelFile) -> None:
         self._declared: Tensor | None = None
+        declared: tuple[str, ...] = ()
         suffix = model.path.suffix.lower()
         data = model.read()
         try:
             if suffix == ".onnx":
                 header = read_header(data, str(model.path))
                 self._declared = header.inputs[0] if header.inputs else None
+                declared = tuple(tensor.name for tensor in header.outputs)
                 self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
             elif suffix == ".pb":
                 self._net = cv2.dnn.readNetFromTensorflow(np.frombuffer(data, np.uint8))
@@ -36,7 +38,9 @@ class OpenCvBackend(NetworkBackend):
             raise _refused(model, "load it", error) from error
         if self.threads:
             cv2.setNumThreads(self.threads)
-        self._outputs = self._net.getUnconnectedOutLayersNames()
+        # OpenCV lists outputs in an order of its own; that of the file tells x from y.
+        found = self._net.getUnconnectedOutLayersNames()
+        self._outputs = declared if set(declared) == set(found) else found
 
     def run(self, batch: np.ndarray) -> list[np.ndarray]:
         try:
