@@ -6,6 +6,7 @@ the file (`gesture_core.pose.layouts`). Everything between a frame and its keypo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -30,7 +31,8 @@ class ModelContract:
     colour : str
         ``bgr`` or ``rgb``.
     mean, scale : three floats each
-        The network is fed ``(pixel - mean) * scale``, pixel in 0..255, in the order of `colour`.
+        The network is fed ``(pixel - mean) * scale``, pixel in 0..255, in the order of `colour`; only
+        with ``float32``.
     pad : int
         Grey level of the border that letterboxing adds.
     dtype : str
@@ -95,8 +97,19 @@ class ModelContract:
             _within(name, size, 1, 4096)
         for side in self.input_size or ():
             _within("input_size", side, 1, 4096)
-        if not isinstance(self.crop, int | float) or not 0.5 <= self.crop <= 4:
-            raise ModelError(f"crop {self.crop!r} of a contract is not in 0.5..4", code="E_MODEL_CONTRACT")
+        for name, low, high in (("crop", 0.5, 4), ("score", 0, 1)):
+            share = getattr(self, name)
+            if type(share) not in (int, float) or not low <= share <= high:
+                raise ModelError(
+                    f"{name} {share!r} of a contract is not in {low}..{high}", code="E_MODEL_CONTRACT"
+                )
+        if self.layout in ("movenet", "yolo-pose") and self.skeleton != "coco17":
+            raise ModelError(f"layout {self.layout} has the skeleton coco17", code="E_MODEL_CONTRACT")
+        if self.dtype != "float32" and (any(self.mean) or self.scale != (1.0, 1.0, 1.0)):
+            raise ModelError(
+                f"an input of {self.dtype} holds whole pixels, so that mean and scale do not apply",
+                code="E_MODEL_CONTRACT",
+            )
         for name in ("channels_first", "follow"):
             _one_of(name, getattr(self, name), (True, False))
 
@@ -136,6 +149,6 @@ def _within(name: str, value: object, low: int, high: int) -> None:
 
 def _numbers(name: str, value: object, count: int, kind: type) -> tuple[Any, ...]:
     numbers = tuple(value) if isinstance(value, list | tuple) else ()
-    if len(numbers) != count or not all(type(n) in (int, kind) for n in numbers):
+    if len(numbers) != count or not all(type(n) in (int, kind) and math.isfinite(n) for n in numbers):
         raise ModelError(f"{name} {value!r} of a contract is not {count} numbers", code="E_MODEL_CONTRACT")
     return tuple(kind(n) for n in numbers)

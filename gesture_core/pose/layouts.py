@@ -56,6 +56,8 @@ def infer_contract(inputs: Sequence[Tensor], outputs: Sequence[Shape], subject: 
     shapes = [tuple(shape) for shape in outputs]
     contract = _by_outputs(shapes, size)
     if contract is not None:
+        if image.dtype != "float32":  # whole pixels: the network scales them itself
+            contract = replace(contract, mean=(0.0, 0.0, 0.0), scale=(1.0, 1.0, 1.0))
         return replace(
             contract,
             dtype=image.dtype,

@@ -76,12 +76,23 @@ def test_the_last_stage_counts() -> None:
         {"layout": "magic"}, {"colour": "grey"}, {"dtype": "float16"}, {"skeleton": "cat"}, {"mean": (1.0,)},
         {"input_size": (0, 10)}, {"stride": 0}, {"multiple": 5000}, {"wings": 2}, {"mean": 3},
         {"input_size": (10,)}, {"scale": ("a", "b", "c")}, {"stride": "8"}, {"pad": 300}, {"batch": 0},
-        {"follow": "yes"}, {"crop": 0}, {"crop": "1"},
+        {"follow": "yes"}, {"crop": 0}, {"crop": "1"}, {"crop": float("nan")}, {"crop": True},
+        {"score": 1.5}, {"score": "0.1"}, {"score": float("nan")}, {"mean": (1.0, float("nan"), 1.0)},
+        {"scale": (1.0, 1.0, float("inf"))}, {"layout": "movenet"},
+        {"layout": "yolo-pose", "skeleton": "mpi15"}, {"dtype": "uint8", "mean": (1.0, 2.0, 3.0)},
+        {"dtype": "int32", "scale": (0.5, 1.0, 1.0)},
     ],
 )  # fmt: skip
 def test_impossible_contracts_are_refused(change: dict) -> None:
     with pytest.raises(ModelError, match="E_MODEL_CONTRACT"):
         ModelContract.from_table({"layout": "openpose", **change})
+
+
+def test_a_network_that_takes_bytes_scales_them_itself() -> None:
+    shapes = [(1, 17, 128), (1, 17, 128)]
+    bytes_ = infer_contract([Tensor("x", "uint8", (1, 3, 64, 64))], shapes)
+    assert (bytes_.dtype, bytes_.mean, bytes_.scale) == ("uint8", (0.0,) * 3, (1.0,) * 3)
+    assert infer_contract([Tensor("x", "float32", (1, 3, 64, 64))], shapes).mean != (0.0,) * 3
 
 
 def test_known_networks_are_complete() -> None:
