@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from gesture_core.cli import scores
-from gesture_core.cli.flags import Flags
+from gesture_core.cli.flags import Flags, Workers
 from gesture_core.cli.screen import counted
 from gesture_core.errors import ConfigError, GestureError, InputError
 
@@ -30,7 +30,7 @@ def evaluate(
     protocol: str = "leave-one-subject-out",
     train: Annotated[str, Parameter(show_default=False)] = "",
     grid: Annotated[tuple[str, ...], Parameter(consume_multiple=False, show_default=False)] = (),
-    workers: int = 0,
+    workers: Workers = 0,
 ) -> int:
     """Measure the accuracy of a preset on a labelled archive.
 
@@ -50,8 +50,6 @@ def evaluate(
         With --protocol split: a regular expression that finds the examples.
     grid
         A setting with the values to try, such as t_var=0.05,0.10; may be repeated.
-    workers
-        Worker processes; 0 for one for each core.
     """
     from gesture_core.classify.evaluation import answer, choose_nested, compare_all
 

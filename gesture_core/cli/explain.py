@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gesture_core.cli.screen import counted, print_table, visible
 from gesture_core.errors import GestureError, InputError, RunFolderError
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def _row(rows: list[Row], name: str, person: int) -> Row:
     if len(found) != 1:
         some = ", ".join((found or list(names))[:5])
         raise InputError(
-            f"{len(found)} inputs of the run are called {name!r}",
+            f"the names of {counted(len(found), 'input')} of the run end in {name!r}",
             remedy=f"one of {some}{' …' if len(found or names) > 5 else ''}",
             code="E_NOT_FOUND",
         )
@@ -158,7 +159,6 @@ def _classifier(configuration: dict[str, Any], settings: Settings) -> GestureCla
 
 def _print(row: Row, found: Explanation, channels: int) -> None:
     from gesture_core.classify.explanation import contrast
-    from gesture_core.cli.screen import counted, print_table, visible
 
     near, far = found.nearest, found.runner_up
     print(f"{visible(row.input)}: {row.label or '-'} ({row.status}{' ' + row.code if row.code else ''})")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, validators
 
 from gesture_core.errors import ConfigError
 from gesture_core.settings import Settings, load_settings
@@ -52,12 +52,17 @@ def _switch(text: str) -> Parameter:
     return Parameter(help=text, show_default=False)
 
 
+Workers = Annotated[
+    int, Parameter(help="Worker processes; 0 for one for each core.", validator=validators.Number(gte=0))
+]
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
 class RunFlags:
     """Flags of the commands that write a run folder; none of them changes a result."""
 
-    workers: Annotated[int, Parameter(help="Worker processes; 0 for one for each core.")] = 0
+    workers: Workers = 0
     engine: Annotated[str, Parameter(help="Execution engine: processes, or inline for debugging.")] = (
         "processes"
     )

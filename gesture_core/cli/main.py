@@ -63,7 +63,8 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except CycloptsError as error:
-        return _fail(f"E_USAGE {error}; try: gesture {' '.join(arguments[:1])} --help", EXIT_USAGE)
+        known = [name for name in arguments[:1] if name in _COMMANDS]
+        return _fail(f"E_USAGE {error}; try: {' '.join(['gesture', *known, '--help'])}", EXIT_USAGE)
     except GestureError as error:
         return _fail(str(error), _exit_code(error))
     except BrokenPipeError:

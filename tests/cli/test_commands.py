@@ -116,7 +116,8 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
     ("arguments", "code", "hint"),
     [
         (["classify"], 2, "--help"),
-        (["nonsense"], 2, "nonsense"),
+        (["nonsense"], 2, "try: gesture --help"),
+        ([*CLASSIFY, "--workers", "-1"], 2, "--workers"),
         (["classify", "absent", "--examples", "absent", "--out", "{out}"], 2, "no such file"),
         (["export", "absent"], 2, "holds no run"),
         (["plugins", "gausian"], 2, "gaussian"),
