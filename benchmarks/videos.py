@@ -72,9 +72,7 @@ def main() -> int:
         action=BooleanOptionalAction,
         help="crop to the person; None: as the network's contract says",
     )
-    parser.add_argument(
-        "--height", type=int, default=368, help="of the input, for networks that take any size"
-    )
+    parser.add_argument("--height", type=int, help="of the input, for networks that take any size")
     parser.add_argument("--threads", type=int, default=1)
     given = parser.parse_args()
     given.cache.mkdir(parents=True, exist_ok=True)

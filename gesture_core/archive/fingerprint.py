@@ -28,19 +28,22 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
         ``video`` and ``readers``, the latter by name; see `pose_keys`.
     """
     from gesture_core.media.reader import reader_name
+    from gesture_core.pose.extract import REVISION
     from gesture_core.pose.models import find_model
 
     plugins = registry()
     pose = settings.as_dict()["pose"]
     shared = {name: pose.pop(name) for name in ("fps", "people")}
     try:
-        model = find_model(settings.pose.model).sha256
+        found = find_model(settings.pose.model)
+        model = {"sha256": found.sha256, "contract": found.contract.as_table() if found.contract else None}
     except ModelError:
         if with_model:
             raise
         model = None
     video = {
         "package": gesture_core.__version__,
+        "extraction": REVISION,
         "settings": {**pose, "people": shared["people"]},
         "backend": str(plugins.find("pose", settings.pose.backend).origin),
         "options": settings.plugin_options(settings.pose.backend),

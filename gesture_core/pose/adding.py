@@ -8,7 +8,6 @@ import re
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -119,10 +118,10 @@ def _contract(
     found: ModelFile, known: KnownModel | None, changes: Mapping[str, Any]
 ) -> dict[str, Any] | None:
     base = known.contract if known else found.contract
-    table = asdict(base) if base else {}
+    table = base.as_table() if base else {}
     table.pop("licence", None)
     table.update(changes)
-    return asdict(ModelContract.from_table(table, found.name)) if table else None
+    return ModelContract.from_table(table, found.name).as_table() if table else None
 
 
 def _store(name: str, found: ModelFile, card: Mapping[str, Any], replace: bool) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from gesture_core.errors import ModelError
@@ -112,6 +112,10 @@ class ModelContract:
             )
         for name in ("channels_first", "follow"):
             _one_of(name, getattr(self, name), (True, False))
+
+    def as_table(self) -> dict[str, Any]:
+        """What `from_table` takes, of the types that JSON gives back."""
+        return {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(self).items()}
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any], subject: str = "") -> ModelContract:

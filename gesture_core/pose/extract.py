@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from gesture_core.settings import Settings
 
 Frame = tuple[float, np.ndarray]
+REVISION = 2
+"""Goes up when the same network gives other keypoints than before: stored ones are then not used again."""
 
 
 def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
@@ -44,8 +46,9 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
     # A backend takes what it knows: one that asks a service has no height and no threads.
     takes = inspect.signature(found.load("pose", pose.backend)).parameters
     every = any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes.values())
-    common: dict[str, float] = {"height": pose.height, "threads": threads}
-    common |= {} if pose.score is None else {"score": pose.score}
+    common: dict[str, float] = {"threads": threads}
+    given = {"height": pose.height, "score": pose.score}
+    common |= {name: value for name, value in given.items() if value is not None}
     options = {name: value for name, value in common.items() if every or name in takes}
     options |= settings.plugin_options(pose.backend)
     backend: PoseBackend = found.make("pose", pose.backend, options, model=find_model(pose.model))

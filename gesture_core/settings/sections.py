@@ -32,8 +32,9 @@ class PoseSettings:
         Name or file of a pose network.
     people : "single" or "multi"
         One person for each input, or one row for each track.
-    height : int
-        Height in pixels that a picture is scaled to, for networks that take any size.
+    height : int or None
+        Height in pixels that a picture is scaled to, for networks that take any size; None leaves it
+        to the network's contract.
     follow : bool or None
         Crop to the person and follow them; None lets the model decide.
     score : None or float
@@ -47,7 +48,7 @@ class PoseSettings:
     backend: str = "onnx"
     model: str = "compact"
     people: Literal["single", "multi"] = "single"
-    height: int = 368
+    height: int | None = None
     follow: bool | None = None
     score: float | None = None
     reader: str = "auto"
@@ -115,6 +116,14 @@ class ClassifySettings:
         that reading is multiplied by this factor, 1 or more.
     coverage : bool
         Divide a distance by the share of channels that both sequences have.
+    separate : bool
+        One warping for each body part instead of one for all channels, in dependent mode; the
+        distance is their sum, so that legs need not keep the hands' time.
+    relative : None or float
+        Power, 0 to 1, to which the sizes of the two sequences (their geometric mean) divide a
+        distance; at 1 a large movement is no farther from everything than a small one.
+    rest : float
+        With `relative`: size that every frame has even where nothing moves.
     """
 
     kernel: str = "auto"
@@ -125,10 +134,14 @@ class ClassifySettings:
     min_pose: float = 0.25
     mirror: float | None = None
     coverage: bool = False
+    separate: bool = False
+    relative: float | None = None
+    rest: float = 0.0
 
     def __post_init__(self) -> None:
         bounds = {"neighbors": (1, 1e9), "reject": (-_INFINITE, _INFINITE), "reject_sd": (0, _INFINITE)}
-        _within("classify", self, {**bounds, "min_pose": (0, 1), "mirror": (1, _INFINITE)})
+        bounds |= {"min_pose": (0, 1), "mirror": (1, _INFINITE), "relative": (0, 1), "rest": (0, _INFINITE)}
+        _within("classify", self, bounds)
 
 
 @dataclass(frozen=True)

@@ -188,3 +188,5 @@ def test_settings_choose_the_backend_and_its_options(tmp_path: Path) -> None:
     for name, batch in (("onnx", 8), ("opencv-dnn", 3)):
         found = open_backend(load_settings(sets=[*sets, f"pose.backend={name}"], environment={}))
         assert (found.name, found.score, found.height, found.batch_size) == (name, 0.3, 96, batch)
+    plain = open_backend(load_settings(sets=[f"pose.model={path}"], environment={}))
+    assert plain.height is None and plain.free_height == plain.contract.default_size

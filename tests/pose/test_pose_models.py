@@ -15,6 +15,7 @@ import onnx
 import pytest
 from tiny_networks import dot_network, random_maps
 
+from gesture_core.archive.fingerprint import pose_identity, pose_keys
 from gesture_core.cli.main import run
 from gesture_core.errors import GestureError, ModelError
 from gesture_core.pose import model_file
@@ -22,6 +23,7 @@ from gesture_core.pose.added import added_names, read_card
 from gesture_core.pose.adding import add_model, verify_models
 from gesture_core.pose.known import known_models
 from gesture_core.pose.models import find_model
+from gesture_core.settings import load_settings
 
 
 @pytest.fixture(autouse=True)
@@ -121,6 +123,15 @@ def test_a_name_is_replaced_only_when_asked(network: Path, models: Path, tmp_pat
     assert everything(models) == ["mine", "mine/model.json", "mine/model.onnx"]
     with pytest.raises(ModelError, match="own network"):
         add_model(other, "compact")
+
+
+def test_keypoints_of_another_contract_are_not_used_again(network: Path) -> None:
+    settings = load_settings(sets=["pose.model=mine"], environment={})
+    keys = set()
+    for score in (0.1, 0.4):
+        add_model(network, "mine", contract={"score": score}, replace=True)
+        keys.add(pose_keys(pose_identity(settings, with_model=True))["video"])
+    assert len(keys) == 2
 
 
 def test_a_contract_may_be_corrected(network: Path) -> None:
