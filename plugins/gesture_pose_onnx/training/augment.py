@@ -13,7 +13,7 @@ from .legs import stand
 from .scenes import invent
 from .swing import swing
 
-SWUNG = 0.3
+SWUNG = 0.45
 """Share of the real pictures in which an arm is moved, where the person is cut out well."""
 
 UPPER = tuple(range(8)) + FACE  # without hips and legs

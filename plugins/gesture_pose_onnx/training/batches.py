@@ -42,7 +42,7 @@ class Batches(Dataset[tuple[Tensor, Tensor]]):
         # neighbouring frames of one film are nearly the same picture, and a portrait shows no arm
         film = np.array(["." in name for name in real.names])[real.groups]
         arms = (real.joints[:, list(WRISTS), 2] == PRESENT).any(axis=1)
-        weights = np.where(film, 0.4, 1.0) * np.where(arms, 1.0, 0.4)
+        weights = np.where(film, 0.3, 1.0) * np.where(arms, 1.0, 0.4)
         self.odds = weights / weights.sum()
         # whole people who stand, their hands above their hips: what lends its legs
         low = rendered.joints[:, :, 1]
