@@ -11,7 +11,7 @@ from gesture_core.cli.screen import counted, print_table, visible
 from gesture_core.errors import GestureError, InputError, RunFolderError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from gesture_core.archive.discovery import Input
     from gesture_core.archive.rows import Row
@@ -51,8 +51,15 @@ def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, 
         raise RunFolderError(
             "holds keypoints only, nothing was classified", subject=str(run), code="E_NO_RUN"
         )
-    query = _query(row, settings)
-    classifier = _classifier(configuration, settings)
+    if not row.frames_with_pose:
+        raise InputError(
+            "has no keypoints", subject=row.input, remedy=f"see its row: {row.code}", code="E_NOT_FOUND"
+        )
+    examples = configuration["examples"]
+    hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
+    people = _keypoints(hashes, settings)
+    query = _query(row, people, settings)
+    classifier = _classifier(examples, people, settings)
     distances = classifier.distances([query])[0]
     found = explain_row(query, classifier.library_, distances, settings)
     title = f"{Path(row.input).name}: {row.label or row.status}"
@@ -88,7 +95,7 @@ def _settings(configuration: dict[str, Any]) -> Settings:
 
 
 def _keypoints(hashes: dict[str, str], settings: Settings) -> dict[str, list[PoseSequence]]:
-    """People of each input by its name, from the keypoint store or extracted again; in that order.
+    """People of each input by its name, from the keypoint store or extracted again.
 
     ``hashes`` are the content hashes that the run saw; an input that has changed since is an error.
     An input that cannot be read is left out.
@@ -108,7 +115,7 @@ def _keypoints(hashes: dict[str, str], settings: Settings) -> dict[str, list[Pos
             )
         if not outcome.code:
             people[name] = found
-    return {name: people[name] for name in hashes if name in people}
+    return people
 
 
 def _inputs(names: Iterable[str]) -> list[Input]:
@@ -128,10 +135,10 @@ def _inputs(names: Iterable[str]) -> list[Input]:
         ) from None
 
 
-def _query(row: Row, settings: Settings) -> Signals:
+def _query(row: Row, people: Mapping[str, list[PoseSequence]], settings: Settings) -> Signals:
     from gesture_core.signals.chain import Chain
 
-    for pose in _keypoints({row.input: row.sha256}, settings).get(row.input, []):
+    for pose in people.get(row.input, []):
         if pose.person == row.person:
             return Chain.from_settings(settings)(pose)
     raise InputError(
@@ -139,21 +146,22 @@ def _query(row: Row, settings: Settings) -> Signals:
     )
 
 
-def _classifier(configuration: dict[str, Any], settings: Settings) -> GestureClassifier:
-    """The classifier of the run, from its examples' keypoints."""
+def _classifier(
+    examples: Mapping[str, Any], people: Mapping[str, list[PoseSequence]], settings: Settings
+) -> GestureClassifier:
+    """The classifier of the run, from its examples' keypoints, in their order."""
     from gesture_core.classify.estimator import GestureClassifier
 
-    examples = configuration["examples"]
     classifier = GestureClassifier(settings)
     signals, labels, names = [], [], []
-    hashes = {name: known["sha256"] for name, known in examples.items()}
-    for name, people in _keypoints(hashes, settings).items():
+    for name, known in examples.items():
+        first = people.get(name, [])[:1]
         try:
-            signals += classifier.signals(people[:1])
+            signals += classifier.signals(first)
         except GestureError:
             continue  # the run left it out too, and said so
-        labels += [examples[name]["label"]] * len(people[:1])
-        names += [name] * len(people[:1])
+        labels += [known["label"]] * len(first)
+        names += [name] * len(first)
     return classifier.fit(signals, labels, names)
 
 

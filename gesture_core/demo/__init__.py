@@ -1,1 +1,1 @@
-"""A small archive that the package draws itself: people of flat shapes who perform gestures."""
+"""An archive that the package draws itself: `motions` move a `figure`, `drawing` paints it, `archive` writes it."""

@@ -1,1 +1,1 @@
-"""Tables, plots, pages and overlays."""
+"""Pictures of results: evaluations, explanations of a decision, keypoints over a video."""

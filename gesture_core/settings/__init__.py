@@ -1,4 +1,8 @@
-"""Every setting of a run: sections with their defaults, the frozen tree, presets and how values are read."""
+"""Every setting of a run: sections with their defaults, the frozen tree, presets and how values are read.
+
+`sections` says what each setting means; `load` reads presets, the environment and flags into a `tree`,
+and `values` reads text by the type of a setting.
+"""
 
 from gesture_core.settings.load import load_settings, presets
 from gesture_core.settings.sections import ClassifySettings, LimitSettings, PoseSettings, SignalSettings

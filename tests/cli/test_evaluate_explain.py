@@ -137,35 +137,30 @@ def test_what_cannot_be_used_counts_as_wrong_and_is_named(
 def test_explain_says_why(
     archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    out = tmp_path / "run"
-    queries = [str(path) for path in sorted(archive.glob("*/*_C.npy"))]
+    monkeypatch.chdir(tmp_path)
+    queries = [os.path.relpath(path) for path in sorted(archive.glob("*/*_C.npy"))]
     examples = tmp_path / "examples"
     for path in archive.glob("*/*_A.npy"):
         (examples / path.parent.name).mkdir(parents=True)
         (examples / path.parent.name / path.name).write_bytes(path.read_bytes())
     chosen = ["--preset", "paper", "--set", "t_var=0.02"]
-    assert (
-        run(["classify", *queries, "--examples", str(examples), "--out", str(out), *chosen, "--quiet"]) == 0
-    )
+    assert run(["classify", *queries, "--examples", "examples", "--out", "run", *chosen, "--quiet"]) == 0
     capsys.readouterr()
-    assert run(["explain", str(out), "up_C.npy"]) == 0
+    assert run(["explain", "run", "up_C.npy"]) == 0
     said = capsys.readouterr()
     assert "up (ok)" in said.out
     assert "nearest    up" in said.out
     assert "right_wrist_y" in said.out
-    plot = out / "explain-up_C.npy.png"
+    plot = Path("run/explain-up_C.npy.png")
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert str(plot) in said.err
-    assert run(["explain", str(out), "nobody.npy"]) == 2
+    assert run(["explain", "run", "nobody.npy"]) == 2
     assert "E_NOT_FOUND" in capsys.readouterr().err
-    assert run(["explain", str(tmp_path), "up_C.npy"]) == 2
-    monkeypatch.chdir(tmp_path)
-    relative = ["classify", *(os.path.relpath(q) for q in queries), "--examples", "examples", "--out", "near"]
-    assert run([*relative, *chosen, "--quiet"]) == 0
-    assert run(["explain", "near", "up_C.npy"]) == 0
+    assert run(["explain", str(examples), "up_C.npy"]) == 2
     monkeypatch.chdir("/")
-    assert run(["explain", str(tmp_path / "near"), "up_C.npy"]) == 2
+    assert run(["explain", str(tmp_path / "run"), "up_C.npy"]) == 2
     assert "in the folder in which gesture classify was run" in capsys.readouterr().err
+    monkeypatch.chdir(tmp_path)
     (examples / "up" / "up_A.npy").write_bytes((archive / "up" / "up_B.npy").read_bytes())
-    assert run(["explain", str(out), "up_C.npy"]) == 1
+    assert run(["explain", "run", "up_C.npy"]) == 1
     assert "has changed since the run" in capsys.readouterr().err
