@@ -1,1 +1,1 @@
-"""An archive that the package draws itself: `motions` move a `figure`, `drawing` paints it, `archive` writes it."""
+"""An archive that the package draws: `motions` move a `figure`, `drawing` paints it, `archive` writes it."""
