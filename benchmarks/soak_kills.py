@@ -44,7 +44,7 @@ def kills(folder: Path, count: int, seed: int) -> int:
     print(f"{alone} kills at random moments of runs in one process")
     spent = time.monotonic() - started
     print(
-        f"{points + gone + alone} kills in {points + runs} runs, each resumed to the end: every sorted export "
+        f"{points + gone + alone} kills in {points + runs} runs, each resumed: every sorted export "
         f"byte-identical to that of an undisturbed run; {spent:.0f} s"
     )
     return 0

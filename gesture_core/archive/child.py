@@ -100,13 +100,13 @@ class Child:
 
     def give(self, work: Any, message: Mapping[str, Any], *, slow: bool = False) -> None:
         """Hand over ``work``, which ``message`` tells; ``slow`` where it may take as long as a start."""
-        self.work, self._slow = work, slow
+        self.work = work
         self._send(message)
-        self.touch()
+        self.touch(slow=slow)
 
-    def touch(self) -> None:
-        """Note a sign of life."""
-        self._seen = time.monotonic()
+    def touch(self, *, slow: bool = False) -> None:
+        """Note a sign of life; ``slow`` where the next one may take as long as a start."""
+        self._seen, self._slow = time.monotonic(), slow
 
     def failure(self) -> Death | None:
         """Why the process has ended or must be ended; None while all is well."""
@@ -180,7 +180,7 @@ def messages(inbox: Inbox) -> Iterator[tuple[Child, dict[str, Any]]]:
             if message is None:
                 child.ended = True
             else:
-                child.touch()
+                child.touch(slow="slow" in message)
                 yield child, message
             child, message = inbox.get_nowait()
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property
+from importlib import import_module
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,10 +36,13 @@ class Extractor:
     Parameters
     ----------
     job : Job
+    on_opening : callable
+        Called before the pose network is loaded, which may take as long as a start.
     """
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: Job, on_opening: Callable[[], None] = lambda: None) -> None:
         self._job = job
+        self._on_opening = on_opening
         self._hashed: tuple[Path, str, str] = (Path(), "", "")
 
     def __call__(self, task: Task, on_frames: Callable[[int], None]) -> Outcome:
@@ -118,13 +122,14 @@ class Extractor:
     def _video(
         self, task: Task, on_frames: Callable[[int], None]
     ) -> tuple[list[PoseSequence], dict[str, Any]]:
+        backend = self._backend
+        on_frames(0)
         from gesture_core.media.limits import Limits
         from gesture_core.media.reader import open_video
         from gesture_core.pose.extract import extract_poses
 
         settings = self._job.settings
         limits = Limits(max_pixels=settings.limits.pixels, max_frames=settings.limits.frames)
-        backend = self._backend
         with open_video(task.path, settings.pose.reader, limits) as video:
             frames = _Counted(video, on_frames)
             sequences = extract_poses(
@@ -169,8 +174,14 @@ class Extractor:
 
     @cached_property
     def _backend(self) -> PoseBackend:
+        self._on_opening()
+        from gesture_core.media.reader import reader_name
         from gesture_core.pose.extract import open_backend
 
+        # What decoding needs is loaded now, so that the first video does not seem to stand still.
+        import_module("cv2")
+        if reader_name(self._job.settings.pose.reader) == "pyav":
+            import_module("av")
         return open_backend(self._job.settings, self._job.threads)
 
 

@@ -15,6 +15,9 @@ import threading
 from collections.abc import Callable
 from typing import Any, NoReturn
 
+_RESERVED = 1024
+"""MiB of addresses that libraries reserve and hardly use: allocators' arenas, stacks of threads."""
+
 Message = dict[str, Any]
 Reply = Callable[[Message], None]
 
@@ -62,7 +65,7 @@ def _limit_memory(mebibytes: int) -> None:
         return
     import resource
 
-    limit = 2 * mebibytes << 20
+    limit = 2 * mebibytes + _RESERVED << 20
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     if hard == resource.RLIM_INFINITY or limit < hard:
         resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))

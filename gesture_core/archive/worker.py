@@ -13,11 +13,15 @@ from gesture_core.archive.work import Job, Task
 
 def make(header: Message) -> Callable[[Message, Reply], None]:
     """What answers each task of the header's job with its outcome."""
+    import pyarrow.parquet  # noqa: F401 - every task needs it, and a start may take its time
+
     from gesture_core.archive.extractor import Extractor
 
-    extract = Extractor(Job.from_dict(header["job"]))
+    say: list[Reply] = []
+    extract = Extractor(Job.from_dict(header["job"]), on_opening=lambda: say[0]({"slow": True}))
 
     def handle(message: Message, reply: Reply) -> None:
+        say[:] = [reply]
         task = Task.from_dict(message)
         outcome = extract(task, lambda frames: reply({"frames": frames, "number": task.number}))
         reply({"outcome": outcome.as_dict()})

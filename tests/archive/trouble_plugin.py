@@ -18,6 +18,13 @@ from gesture_signals.shoulder import ShoulderNormalizer
 
 from gesture_core import hookimpl
 
+FIGURE = np.array(
+    [
+        (0.50, 0.10), (0.50, 0.22), (0.38, 0.22), (0.32, 0.36), (0.30, 0.50), (0.62, 0.22),
+        (0.68, 0.36), (0.70, 0.50), (0.42, 0.52), (0.42, 0.72), (0.42, 0.92), (0.58, 0.52),
+        (0.58, 0.72), (0.58, 0.92), (0.44, 0.02), (0.56, 0.02), (0.38, 0.08), (0.62, 0.08),
+    ]
+)  # fmt: skip
 BASE = 100
 KINDS = ("normalizer", "filter", "selector", "kernel", "pose")
 
@@ -160,8 +167,9 @@ class Pose:
         for frame in frames:
             # Codecs want even sides: twice the length of a poisoned keypoint file.
             trouble = poison("pose", frame.shape[1] // 2)
-            x = 10.0 + frame[:, :, 0].mean(axis=0).argmax()
-            points = np.stack([x + 3.0 * np.arange(18) % 7, 5.0 * np.arange(18)], axis=1)
+            points = FIGURE * 200
+            # A wrist is where the bar is: the right one where it is bright, the left one where it is grey.
+            points[4 if frame.max() > 190 else 7, 0] += 3.0 * frame[:, :, 0].mean(axis=0).argmax()
             found.append([Person(spoil(trouble, points, frame), np.ones(18))])
         return None if trouble == "none" else found
 
@@ -187,11 +195,9 @@ class Reader:
 
     def members(self, path):
         what, trouble = path.read_text().split()
-        if what == "members":
-            return (
-                {"empty": [], "numbers": [1, 2]}.get(trouble) if trouble not in DEADLY else DEADLY[trouble]()
-            )
-        return [""]
+        if what != "members":
+            return [""]
+        return {"empty": [], "numbers": [1, 2]}[trouble] if trouble not in DEADLY else DEADLY[trouble]()
 
     def read(self, path, member=""):
         return DEADLY[path.read_text().split()[1]]()

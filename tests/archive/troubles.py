@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 import json
-import shutil
+import os
+import subprocess
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
 import numpy as np
 from conftest import ROOT
-from distributions import gesture, make_distribution
-from trouble_plugin import length
+from distributions import make_distribution
+from trouble_plugin import FIGURE, length
 
-LIMITS = ("--set", "limits.seconds=5", "--set", "limits.memory=700")
+LIMITS = ("--set", "limits.seconds=10", "--set", "limits.memory=700")
 CHAIN = (
     "--set", "normalizer=trouble-normalizer", "--set", "filters=trouble-filter,gaussian,center",
     "--set", "selector=trouble-selector", "--kernel", "trouble-kernel",
 )  # fmt: skip
-RESULT = (
-    "label",
-    "distance",
-    "margin",
-    "status",
-    "code",
-    "message",
-    "frames_with_pose",
-    "selected",
-    "attempts",
-)
 
 
 def make_site(folder: Path) -> Path:
@@ -40,20 +31,11 @@ def make_site(folder: Path) -> Path:
 def write_clip(path: Path, frames: int, joint: int, seed: int = 0) -> None:
     """Keypoints of somebody whose ``joint`` swings, ``frames`` long."""
     rng = np.random.default_rng([seed, frames, joint])
-    points = np.tile(_FIGURE * 200 + 50, (frames, 1, 1)) + rng.normal(0, 0.3, (frames, 18, 2))
+    points = np.tile(FIGURE * 200 + 50, (frames, 1, 1)) + rng.normal(0, 0.3, (frames, 18, 2))
     t = np.arange(frames)
     points[:, joint] += np.stack([60 * np.sin(t / 6), 40 * np.cos(t / 6)], axis=1)
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savez(path, keypoints=points, scores=np.ones((frames, 18)), times=t / 20, skeleton=np.array("coco18"))
-
-
-_FIGURE = np.array(
-    [
-        (0.50, 0.10), (0.50, 0.22), (0.38, 0.22), (0.32, 0.36), (0.30, 0.50), (0.62, 0.22),
-        (0.68, 0.36), (0.70, 0.50), (0.42, 0.52), (0.42, 0.72), (0.42, 0.92), (0.58, 0.52),
-        (0.58, 0.72), (0.58, 0.92), (0.44, 0.02), (0.56, 0.02), (0.38, 0.08), (0.62, 0.08),
-    ]
-)  # fmt: skip
 
 
 def write_archive(folder: Path, healthy: int, poisons: Iterable[tuple[str, str]]) -> None:
@@ -61,44 +43,38 @@ def write_archive(folder: Path, healthy: int, poisons: Iterable[tuple[str, str]]
     for joint, label in ((4, "right"), (7, "left")):
         write_clip(folder / "examples" / label / "1.npz", 40, joint)
     for number in range(healthy):
-        write_clip(
-            folder / "videos" / f"healthy_{number:03d}.npz", 25 + number % 60, (4, 7)[number % 2], number
-        )
+        name, joint = f"healthy_{number:03d}.npz", (4, 7)[number % 2]
+        write_clip(folder / "videos" / name, 25 + number % 60, joint, number)
     for kind, trouble in poisons:
         write_clip(folder / "videos" / f"{kind}_{trouble}.npz", length(kind, trouble), 4)
 
 
-def write_video(path: Path, width: int, frames: int = 6) -> None:
+def write_video(path: Path, width: int, frames: int, right: bool = True, seed: int = 0) -> None:
+    """A bar that swings, bright for the right wrist and grey for the left one."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20, (width, 64))
+    rng = np.random.default_rng([seed, frames, right])
+    speed, grain = rng.uniform(2, 5), rng.integers(0, 12, (48, width, 3), np.uint8)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20, (width, 48))
     for t in range(frames):
-        picture = np.full((64, width, 3), 40, np.uint8)
-        picture[:, 10 + 3 * t] = 255
+        picture = grain.copy()
+        middle = width // 2 + int(0.35 * width * np.sin(t / speed))
+        picture[:, middle - 3 : middle + 3] = 255 if right else 120
         writer.write(picture)
     writer.release()
 
 
 def classify(folder: Path, out: Path, site: Path | None, *options: str | Path) -> tuple[int, dict[str, dict]]:
     """Exit code, and the rows by the names of their inputs."""
-    done = gesture(
-        "classify", folder / "videos", "--examples", folder / "examples", "--out", out,
-        "--preset", "paper", *LIMITS, *options, path=site,
-    )  # fmt: skip
+    command = ["classify", folder / "videos", "--examples", folder / "examples", "--out", out]
+    done = subprocess.run(
+        [sys.executable, "-m", "gesture_core", *command, "--preset", "paper", *LIMITS, *options],
+        env={**os.environ, **({"PYTHONPATH": str(site)} if site else {})},
+        capture_output=True,
+        text=True,
+        timeout=1800,
+    )
     assert "Traceback" not in done.stderr, done.stderr
     found = [json.loads(line) for line in done.stdout.splitlines()]
     rows = {Path(row["input"]).name: row for row in found}
     assert len(rows) == len(found), "an input has two rows"
     return done.returncode, rows
-
-
-def results(rows: dict[str, dict]) -> dict[str, dict]:
-    """The rows without what a plugin's mere presence changes."""
-    return {name: {key: row[key] for key in RESULT} for name, row in rows.items()}
-
-
-def without(folder: Path, target: Path, poisoned: Iterable[str]) -> Path:
-    """A copy of an archive without the poisoned inputs."""
-    shutil.copytree(folder, target)
-    for name in poisoned:
-        (target / "videos" / name).unlink()
-    return target
