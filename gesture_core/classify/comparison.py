@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gesture_core.classify.common import common_share
+from gesture_core.classify.relative import divided, pair_sizes
+from gesture_core.classify.separate import separate_distances
+from gesture_core.dtw.spec import DtwSpec
 from gesture_core.signals.mirror import mirrored
 from gesture_core.types import Signals
 
@@ -25,12 +29,14 @@ def compare(
     With ``classify.mirror`` set, each example also stands for the same movement made with the other
     hand; that reading's distance is multiplied by the factor and the smaller one counts. With
     ``classify.coverage``, a distance rests on less where one of the two lacks channels that the
-    other has, and is divided by the share of common channels.
+    other has, and is divided by the share of common channels. With ``classify.separate``, it is the
+    sum of one warping for each body part; with ``classify.relative``, it is measured by the size of
+    the two sequences.
 
     Parameters
     ----------
     queries, examples : sequences of Signals or (T, D) arrays
-        Arrays have no channel names and are never mirrored.
+        Arrays have no channel names; they are warped as they are, all channels together.
     settings : Settings
     kernel : str, optional
         Instead of the one that the settings name.
@@ -43,24 +49,55 @@ def compare(
     from gesture_core.dtw.distances import warping_distances
 
     chosen = settings.classify
+    name = kernel or chosen.kernel
+
+    def warp(some: Sequence[Series], others: Sequence[Series], spec: DtwSpec) -> np.ndarray:
+        return warping_distances(some, others, spec=spec, kernel=name, options=settings.options)
+
     apart = _still_apart(queries, examples, settings)
     queries, examples = comparable(queries, settings), comparable(examples, settings)
-    name = kernel or chosen.kernel
-    named = all(isinstance(item, Signals) for item in (*queries, *examples))
-    flipped = named and chosen.mirror is not None
-    every = list(examples)
-    if flipped:
-        every += [mirrored(item) for item in examples if isinstance(item, Signals)]
-    distances = warping_distances(queries, every, spec=settings.dtw, kernel=name, options=settings.options)
-    if named and chosen.coverage:
-        share = common_share(queries, every)  # type: ignore[arg-type]
-        distances = np.divide(
-            distances, share, out=np.full(distances.shape, np.inf, distances.dtype), where=share > 0
-        )
-    if flipped:
-        same, other = np.split(distances, 2, axis=1)
-        distances = np.minimum(same, other * chosen.mirror)
+    if not all(isinstance(item, Signals) for item in (*queries, *examples)):
+        return np.where(apart, np.inf, warp(queries, examples, settings.dtw))
+    readings = [(examples, 1.0)]
+    if chosen.mirror is not None:
+        readings.append(([mirrored(item) for item in examples], chosen.mirror))  # type: ignore[arg-type]
+    distances = np.full(apart.shape, np.inf)
+    for series, factor in readings:
+        found = _measured(queries, series, settings, warp)  # type: ignore[arg-type]
+        distances = np.minimum(distances, factor * found)
     return np.where(apart, np.inf, distances)
+
+
+def pair_factors(queries: Sequence[Signals], examples: Sequence[Signals], settings: Settings) -> np.ndarray:
+    """(Q, N) what the warping distance of each pair is divided by; zero where it means nothing."""
+    chosen = settings.classify
+    by = np.ones((len(queries), len(examples)))
+    if chosen.coverage:
+        by = common_share(queries, examples)
+    if chosen.relative is not None:
+        by = by * pair_sizes(queries, examples, chosen.rest) ** chosen.relative
+    return by
+
+
+def takes_parts(settings: Settings) -> bool:
+    """Whether each body part has a warping of its own; without a common path each channel has."""
+    return settings.classify.separate and settings.dtw.mode == "dependent"
+
+
+def _measured(
+    queries: Sequence[Signals],
+    examples: Sequence[Signals],
+    settings: Settings,
+    warp: Callable[[Sequence[Series], Sequence[Series], DtwSpec], np.ndarray],
+) -> np.ndarray:
+    """Distances to one reading of the examples."""
+    if takes_parts(settings):
+        distances = separate_distances(queries, examples, settings.dtw, warp)
+    else:
+        distances = warp(queries, examples, settings.dtw)
+    if not settings.classify.coverage and settings.classify.relative is None:
+        return distances
+    return divided(distances, pair_factors(queries, examples, settings))
 
 
 def is_still(item: Series) -> bool:
@@ -88,25 +125,3 @@ def _still_apart(queries: Sequence[Series], examples: Sequence[Series], settings
         moving = np.array([not is_still(item) for item in examples], bool)
         apart = still[:, None] & moving[None]
     return apart
-
-
-def common_share(queries: Sequence[Signals], examples: Sequence[Signals]) -> np.ndarray:
-    """(Q, N) share of the salient channels of a pair that both of them have.
-
-    The channels of a pair are those that are salient in either; one that only one of the two has
-    cannot be compared.
-    """
-    seen_q, salient_q = _presence(queries)
-    seen_e, salient_e = _presence(examples)
-    # Salient channels are present on their own side; counted by inclusion and exclusion.
-    both = salient_q @ salient_e.T
-    wanted = salient_q.sum(axis=1)[:, None] + salient_e.sum(axis=1)[None] - both
-    common = salient_q @ seen_e.T + seen_q @ salient_e.T - both
-    return np.divide(common, wanted, out=np.zeros_like(common), where=wanted > 0)
-
-
-def _presence(series: Sequence[Signals]) -> tuple[np.ndarray, np.ndarray]:
-    """(B, D) of what is present, and of what is salient too, as 0.0 and 1.0."""
-    present = np.array([item.present for item in series], bool)
-    masks = np.array([item.mask for item in series], bool)
-    return present.astype(np.float64), (masks & present).astype(np.float64)

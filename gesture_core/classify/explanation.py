@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.classify.comparison import common_share, comparable
+from gesture_core.classify.comparison import comparable, pair_factors, takes_parts
 from gesture_core.classify.library import ExampleLibrary
+from gesture_core.classify.separate import part_spec, parts, take
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import InputError
 from gesture_core.settings import Settings
@@ -35,7 +36,9 @@ class Alignment:
     used : (D,) bool
         Channels that take part.
     paths : tuple of (K, 2) int arrays
-        Matched frames: one path, or one for each used channel in independent mode.
+        Matched frames, one array for each warping.
+    places : (D,) int array
+        Which of the paths is that of a channel; -1 for channels that do not take part.
     """
 
     example: str
@@ -47,12 +50,11 @@ class Alignment:
     costs: np.ndarray
     used: np.ndarray
     paths: tuple[np.ndarray, ...]
+    places: np.ndarray
 
     def path_of(self, channel: int) -> np.ndarray:
-        """The matched frames of one channel."""
-        if len(self.paths) == 1:
-            return self.paths[0]
-        return self.paths[int(self.used[:channel].sum())]
+        """The matched frames of one channel that takes part."""
+        return self.paths[int(self.places[channel])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +105,45 @@ def align(query: Signals, library: ExampleLibrary, index: int, settings: Setting
         readings.append((mirrored(example), True, settings.classify.mirror))
     found = []
     for signals, flipped, factor in readings:
-        costs, used, paths = channel_costs(query, signals, settings.dtw)
-        if settings.classify.coverage:
-            share = float(common_share([query], [signals])[0, 0])
-            factor /= share if share > 0 else 1.0
-        distance = float(costs.sum()) * factor if used.any() else np.inf
+        costs, used, paths, places = pair_costs(query, signals, settings)
+        divisor = float(pair_factors([query], [signals], settings)[0, 0])
+        # As in the comparison: no distance is none at all, whatever it is measured by.
+        costs = costs * (factor / divisor if divisor > 0 else 1.0)
+        distance = float(costs.sum()) if used.any() and (divisor > 0 or not costs.any()) else np.inf
         name, label = library.names[index], str(library.labels[index])
-        found.append(Alignment(name, label, distance, flipped, query, signals, costs * factor, used, paths))
+        found.append(Alignment(name, label, distance, flipped, query, signals, costs, used, paths, places))
     return min(found, key=lambda alignment: alignment.distance)
+
+
+def pair_costs(
+    query: Signals, example: Signals, settings: Settings
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...], np.ndarray]:
+    """What each channel adds to the warping distance of a pair, before anything divides it.
+
+    Returns
+    -------
+    costs : (D,) float64
+    used : (D,) bool
+    paths : tuple of (K, 2) int64
+    places : (D,) int64
+        Index of each channel's path, -1 for unused channels.
+    """
+    spec = settings.dtw
+    if not takes_parts(settings):
+        costs, used, paths = channel_costs(query, example, spec)
+        order = np.cumsum(used) - 1 if spec.mode == "independent" else np.zeros(len(used), np.int64)
+        return costs, used, paths, np.where(used, order, -1)
+    width = len(query.channels)
+    costs, used, places = np.zeros(width), np.zeros(width, bool), np.full(width, -1)
+    ways: list[np.ndarray] = []
+    for part in parts(query.channels):
+        some, other = take([query, example], part)
+        costs[part], used[part], found = channel_costs(some, other, part_spec(spec, part))
+        places[part] = np.where(used[part], len(ways), -1)
+        ways += found
+    if spec.reduce == "mean":
+        costs /= max(int(used.sum()), 1)
+    return costs, used, tuple(ways), places
 
 
 def channel_costs(

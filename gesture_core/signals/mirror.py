@@ -23,10 +23,13 @@ def mirror_sign(channel: str) -> int:
     """-1 for a channel that a mirror turns round, otherwise 1.
 
     These are what points to the side (``right_wrist_x``, ``right_wrist_x.velocity``) and the sense
-    of a turn (``right_forearm.turning``); the energy of a motion has no direction.
+    of a turn (``right_forearm.turning``); the energy and the spread of a motion have no direction.
+    The way from one hand to the other (``hands_x``) is also walked backwards, so that its y turns.
     """
     name, _, kind = channel.partition("@")[0].partition(".")
-    return -1 if kind == "turning" or (name.endswith("_x") and kind != "energy") else 1
+    if kind in ("energy", "spread"):
+        return 1
+    return -1 if kind == "turning" or name.endswith("_y" if name.startswith("hands") else "_x") else 1
 
 
 def mirrored(signals: Signals) -> Signals:

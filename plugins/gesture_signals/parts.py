@@ -4,7 +4,8 @@ Positions alone make two gestures alike whose hands take the same way at another
 same gesture of two people differ by their proportions. The channels here are vectors of limbs and
 joints (Celebi et al. 2013 weigh joints, Reyes et al. 2011 weigh features), their velocities
 (derivative warping, Keogh and Pazzani 2001), the energy of the motion, which does not depend on the
-phase of a wave of the hand, and the sense in which a limb turns.
+phase of a wave of the hand, the sense in which a limb turns, the bend of the elbow, and the way from
+one hand to the other.
 """
 
 from __future__ import annotations
@@ -25,10 +26,15 @@ _LIMBS = {
     "arm": ("shoulder", "wrist"),
     "thigh": ("hip", "knee"),
     "shin": ("knee", "ankle"),
+    "leg": ("hip", "ankle"),
 }
+_BENDS = {"arm": ("upper_arm", "forearm"), "leg": ("thigh", "shin")}
+# From the left joint to the right one: a vector without a side, which a mirror turns upside down.
+_PAIRS = {"hands": ("left_wrist", "right_wrist")}
 _TERM = re.compile(r"(?P<part>[a-z_]+)(\.(?P<kind>[a-z]+))?(@(?P<share>[0-9.]+))?")
 # Velocities in body lengths per tenth of a second have the size of positions in body lengths.
 _TENTH = 10.0
+_NO_LENGTH = 1e-6
 
 
 @dataclass(frozen=True)
@@ -39,12 +45,16 @@ class Parts:
     ----------
     weights : mapping
         ``"part.kind@share"`` to the factor of its squared difference. Parts: a joint (``wrist``,
-        seen from the neck) or a limb (``forearm``, from its upper joint), both sides of it. Kinds:
-        none for the vector itself, ``direction`` (unit vector), ``velocity`` (per tenth of a
-        second), ``energy`` (its root mean square around each frame), ``turning`` (signed area that
-        the vector sweeps around its recent middle). Share: how much of the mean is subtracted.
+        seen from the neck) or a limb (``forearm``, from its upper joint), both sides of it, or
+        ``hands`` (from the left wrist to the right one). Kinds: none for the vector itself,
+        ``direction`` (unit vector), ``velocity`` (per tenth of a second), ``energy`` (its root mean
+        square around each frame), ``spread`` (root mean square of the distance from its recent
+        middle), ``turning`` (signed area that the vector sweeps around that middle), ``bend`` (of
+        ``arm`` or ``leg`` alone: sine and cosine of the angle at the elbow or knee). Share: how much
+        of the mean is subtracted.
     window : float
-        Seconds, standard deviation of the Gaussian that ``energy`` and ``turning`` average over.
+        Seconds, standard deviation of the Gaussian that ``energy``, ``spread`` and ``turning``
+        average over.
     """
 
     weights: Mapping[str, float] = field(default_factory=lambda: {"wrist": 1.0, "elbow": 1.0})
@@ -65,9 +75,12 @@ class Parts:
             if weight == 0:
                 continue
             part, kind, share = _term(text)
-            for side in ("",) if part == "nose" else ("right_", "left_"):
-                vector, mask, there = _vector(signals, part, side)
-                values, suffixes = self._kind(kind, vector, signals.times)
+            for side in ("",) if part == "nose" or part in _PAIRS else ("right_", "left_"):
+                if kind == "bend":
+                    values, suffixes, mask, there = _bend(signals, part, side)
+                else:
+                    vector, mask, there = _vector(signals, part, side)
+                    values, suffixes = self._kind(kind, vector, signals.times)
                 values = values - share * values.mean(axis=0)
                 columns.append(values * np.sqrt(weight))
                 tail = (f".{kind}" if kind else "") + (f"@{share:g}" if share else "")
@@ -89,9 +102,12 @@ class Parts:
 def _term(text: str) -> tuple[str, str, float]:
     match = _TERM.fullmatch(text)
     part, kind = (match["part"], match["kind"] or "") if match else ("", "")
-    if match is None or part not in (*_POINTS, *_LIMBS) or kind not in _KINDS:
-        parts, kinds = ", ".join((*_POINTS, *_LIMBS)), ", ".join(k for k in _KINDS if k)
-        raise ValueError(f"{text!r} is not part.kind@share with a part of {parts} and a kind of {kinds}")
+    if match is None or part not in (*_POINTS, *_LIMBS, *_PAIRS) or kind not in (*_KINDS, "bend"):
+        known = ", ".join((*_POINTS, *_LIMBS, *_PAIRS))
+        kinds = ", ".join(k for k in (*_KINDS, "bend") if k)
+        raise ValueError(f"{text!r} is not part.kind@share with a part of {known} and a kind of {kinds}")
+    if kind == "bend" and part not in _BENDS:
+        raise ValueError(f"{text!r}: only {' and '.join(_BENDS)} bend")
     share = float(match["share"] or 0)
     if not 0 <= share <= 1:
         raise ValueError(f"{text!r}: the share is not in 0..1")
@@ -100,7 +116,7 @@ def _term(text: str) -> tuple[str, str, float]:
 
 def _vector(signals: Signals, part: str, side: str) -> tuple[np.ndarray, bool, bool]:
     """(T, 2) float64 vector of a part, whether it is salient, whether it is present."""
-    joints = [f"{side}{name}" for name in _LIMBS.get(part, (part,))]
+    joints = [f"{side}{name}" for name in _LIMBS.get(part) or _PAIRS.get(part, (part,))]
     tracks, mask, present = [], False, True
     assert signals.mask is not None and signals.present is not None
     for joint in joints:
@@ -119,6 +135,19 @@ def _vector(signals: Signals, part: str, side: str) -> tuple[np.ndarray, bool, b
     return (tracks[-1] - tracks[0] if len(tracks) == 2 else tracks[0]), mask, present
 
 
+def _bend(signals: Signals, part: str, side: str) -> tuple[np.ndarray, tuple[str, ...], bool, bool]:
+    """(T, 2) sine and cosine of the angle between the two limbs of a part, zero where one has no length.
+
+    A mirror turns the sense of the angle round, as it does with x, and leaves the cosine, as y.
+    """
+    (upper, mask, there), (lower, other, also) = (_vector(signals, limb, side) for limb in _BENDS[part])
+    both = np.linalg.norm(upper, axis=1) * np.linalg.norm(lower, axis=1)
+    sine = upper[:, 0] * lower[:, 1] - upper[:, 1] * lower[:, 0]
+    values = np.stack([sine, (upper * lower).sum(axis=1)], axis=1)
+    angle = np.divide(values, both[:, None], out=np.zeros_like(values), where=both[:, None] > _NO_LENGTH)
+    return angle, ("_x", "_y"), mask or other, there and also
+
+
 def _step(times: np.ndarray) -> float:
     """Seconds from frame to frame; 1/20 where the times do not tell."""
     steps = np.diff(times)
@@ -133,7 +162,7 @@ def _itself(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray,
 def _direction(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
     length = np.linalg.norm(vector, axis=1, keepdims=True)
     # A limb that points at the camera has no direction in the picture.
-    return np.divide(vector, length, out=np.zeros_like(vector), where=length > 1e-6), ("_x", "_y")
+    return np.divide(vector, length, out=np.zeros_like(vector), where=length > _NO_LENGTH), ("_x", "_y")
 
 
 def _velocity(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -145,6 +174,11 @@ def _velocity(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarra
 def _energy(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
     speed, suffixes = _velocity(vector, step, window)
     return np.sqrt(np.maximum(_average(speed**2, window / step), 0)), suffixes
+
+
+def _spread(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
+    from_middle = vector - _average(vector, 2 * window / step)
+    return np.sqrt(np.maximum(_average(from_middle**2, window / step), 0)), ("_x", "_y")
 
 
 def _turning(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -165,5 +199,6 @@ _KINDS: Mapping[str, Callable[[np.ndarray, float, float], tuple[np.ndarray, tupl
     "direction": _direction,
     "velocity": _velocity,
     "energy": _energy,
+    "spread": _spread,
     "turning": _turning,
 }
