@@ -49,7 +49,7 @@ def print_classes(evaluation: Evaluation) -> None:
         rows.append([label, str(int(counts[row].sum())), f"{recall:.1%}", taken])
     print_table(["class", "tested", "recall", "taken for"], rows, right=["tested", "recall"])
     folds = evaluation.by_fold
-    if 1 < len(folds) <= 40:
+    if 1 < len(folds) <= min(40, len(evaluation.answers) - 1):  # a fold of one answer says nothing
         print_table(["fold", "accuracy"], [[n, f"{a:.1%}"] for n, a in folds.items()], right=["accuracy"])
     curve = thinned(evaluation.rejection_curve(), 8)
     cells = [[f"{t:.4g}", f"{c:.1%}", f"{a:.1%}"] for t, c, a in curve]

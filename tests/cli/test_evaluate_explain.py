@@ -127,6 +127,7 @@ def test_what_cannot_be_used_counts_as_wrong_and_is_named(
     assert run([*arguments, "--set", "t_var=0.02", "--out", str(out)]) == 3
     said = capsys.readouterr()
     assert "9 of 11 right" in said.out
+    assert "recall" in said.out and "fold" not in said.out  # each fold is one input
     assert "left out as neither video nor keypoints: 1 file" in said.err
     assert "2 of 11 inputs count as not recognised" in said.err
     assert "up_D.npz" in said.err and "up_E.npy" in said.err
