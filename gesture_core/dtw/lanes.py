@@ -235,6 +235,10 @@ class LaneKernel(ABC):
         assert lanes.gamma is not None
         return lane_gradients(lanes.x, lanes.y, lanes.n, lanes.m, inside(lanes), lanes.gamma, lanes.cost)
 
+    def tile_size(self, frames: int, width: int) -> int:
+        """Most lanes of ``frames`` frames and ``width`` dimensions that travel together."""
+        return min(self.lane_count, max(1, self.lane_cells // (frames * width)))
+
     def _pairs(self, state: Prepared, queries: Series, qi: np.ndarray, ei: np.ndarray) -> np.ndarray:
         spec, examples = state.spec, state.examples
         pair, dimension, use, count = _pairing(queries, examples, qi, ei, spec)
@@ -265,8 +269,7 @@ class LaneKernel(ABC):
         for group in np.split(order, borders):
             if len(group) == 0:
                 continue
-            frames = int(max(n[group].max(), m[group].max()))
-            size = min(self.lane_count, max(1, self.lane_cells // (frames * width)))
+            size = self.tile_size(int(max(n[group].max(), m[group].max())), width)
             for start in range(0, len(group), size):
                 yield group[start : start + size]
 

@@ -10,6 +10,7 @@ the next).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import jax
@@ -43,9 +44,14 @@ def hard_tile(tile: Tile, cost: str) -> Array:
             last, before, below = carry
             for step in range(STEPS):
                 k = first + turn * STEPS + step
-                window = lax.dynamic_slice_in_dim(flipped, ROWS + STEPS + frames - 1 - k, ROWS)
+                met = ROWS + STEPS + frames - 1 - k
+                # Each dimension by itself: XLA would copy a window that several operations read.
+                window = [
+                    lax.dynamic_slice(flipped, (met, *met.dtype.type([c, 0])), (ROWS, 1, width))[:, 0]
+                    for c in range(channels)
+                ]
                 best = lesser(lesser(last[1:], before[:-1]), last[:-1])
-                now = local_cost(x, window, cost) + best
+                now = local_cost([x[:, c] for c in range(channels)], window, cost) + best
                 if low is not None and high is not None:
                     column = k - jnp.arange(ROWS, dtype=jnp.int32)[:, None]
                     now = jnp.where((column >= low) & (column < high), now, border)
@@ -72,11 +78,11 @@ def lesser(a: Array, b: Array) -> Array:
     return lax.select(a < b, a, b)
 
 
-def local_cost(x: Array, y: Array, cost: str) -> Array:
-    """(..., W) cost of (..., C, W) frames, summed over the dimensions in their order."""
+def local_cost(x: Sequence[Array], y: Sequence[Array], cost: str) -> Array:
+    """Cost of frames, of which C arrays hold a dimension each; summed in the order of the dimensions."""
     total = None
-    for c in range(x.shape[-2]):
-        difference = x[..., c, :] - y[..., c, :]
+    for one, other in zip(x, y, strict=True):
+        difference = one - other
         term = jnp.abs(difference) if cost == "absolute" else difference * difference
         total = term if total is None else total + term
     assert total is not None

@@ -10,6 +10,9 @@ from gesture_dtw_jax.hard import hard_tile
 from gesture_dtw_jax.soft import soft_tile, soft_tile_gradients
 from gesture_dtw_jax.tiles import WIDTHS, make_tile
 
+LANES_TIMES_WIDTH = 2048
+"""Upper limit of lanes times dimensions of a tile, but for the narrowest: a block's rows stay in the cache."""
+
 
 class JaxKernel(LaneKernel):
     """Warping distances on JAX's default device, in the dtype of the batches.
@@ -18,12 +21,14 @@ class JaxKernel(LaneKernel):
     and presence of a band and of softness; loops stop at the tile's own lengths.
     """
 
-    lane_count = WIDTHS[-1]
-
     @property
     def device(self) -> str:
         """``"cpu"``, ``"gpu"`` or ``"tpu"``."""
         return jax.default_backend()
+
+    def tile_size(self, frames: int, width: int) -> int:
+        """The widest bucket whose rows of one block stay in the cache."""
+        return max((size for size in WIDTHS if size * width <= LANES_TIMES_WIDTH), default=WIDTHS[0])
 
     def warp(self, lanes: Lanes) -> np.ndarray:
         """(P,) accumulated costs."""

@@ -10,8 +10,10 @@ from gesture_core.dtw.lanes import UNBOUNDED, Lanes, far
 
 ROWS = 8
 """Rows of the warping table that one pass over the columns computes."""
-WIDTHS = (64, 256, 1024)
+WIDTHS = (128, 1024)
 """Lanes of a tile."""
+SHORTEST = 32
+"""Frames of the smallest bucket: what is shorter is not worth a program of its own."""
 
 
 class Tile(NamedTuple):
@@ -53,7 +55,7 @@ def make_tile(lanes: Lanes) -> Tile:
     if not exact:
         rows, columns = rows + 1, columns + 1
     blocks = -(-rows // ROWS)
-    frames = max(ROWS, 1 << (max(blocks * ROWS, columns) - 1).bit_length())
+    frames = max(SHORTEST, 1 << (max(blocks * ROWS, columns) - 1).bit_length())
     width = next(width for width in WIDTHS if width >= len(lanes))
     padding = far(lanes.x.dtype)
     n, m = _pad(lanes.n.astype(np.int32), (width,), 1), _pad(lanes.m.astype(np.int32), (width,), 1)

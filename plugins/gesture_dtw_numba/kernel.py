@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gesture_core.dtw.bands import has_holes, is_banded
+from gesture_core.dtw.bands import has_holes
 from gesture_core.dtw.lanes import LaneKernel, Lanes
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
@@ -25,7 +25,7 @@ from gesture_dtw_numba.layout import (
     make_room,
     make_rule,
 )
-from gesture_dtw_numba.tile import compiled_tiles
+from gesture_dtw_numba.tile import compiled_tile
 
 QUERIES, EXAMPLES = 16, 512
 """Size of a tile: the unit that a thread takes."""
@@ -118,16 +118,13 @@ def run_tile(queries: Batch, qs: np.ndarray, state: Prepared, es: np.ndarray) ->
     examples, spec = state.examples, state.spec
     n, m = queries.lengths[qs], examples.lengths[es]
     dtype, rule = queries.values.dtype, make_rule(spec)
-    banded, is_dependent = is_banded(spec), spec.mode == "dependent"
-    width = queries.values.shape[1] if is_dependent else 1
-    bands = make_bands(n, m, spec) if banded else None
+    width = queries.values.shape[1] if rule.dependent else 1
     gamma = None if spec.gamma is None else dtype.type(spec.gamma)
-    costs = make_costs(width, rule.euclidean, dtype) if banded or is_dependent else None
-    room = make_room(int(n.max()), int(m[-1]), width, banded, dtype)
+    plain = gamma is None and not rule.banded and not rule.dependent
+    costs = None if plain else make_costs(width, dtype)
+    room = make_room(int(n.max()), int(m[-1]), width, rule.banded, dtype)
     out = np.empty((len(qs), len(es)))
-    independent, dependent = compiled_tiles()
-    function = dependent if is_dependent else independent
-    function(queries, qs, examples, es, rule, bands, gamma, costs, room, out)
+    compiled_tile()(queries, qs, examples, es, rule, make_bands(n, m, spec), gamma, costs, room, out)
     return out
 
 

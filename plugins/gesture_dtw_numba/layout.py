@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gesture_core.dtw.bands import row_bounds
+from gesture_core.dtw.bands import is_banded, row_bounds
 from gesture_core.dtw.lanes import far, lane_cost, unreached, weighted
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
@@ -33,6 +33,8 @@ class Batch(NamedTuple):
 class Rule(NamedTuple):
     """What is done with the differences of frames, and with accumulated costs."""
 
+    dependent: bool
+    banded: bool
     squared: bool
     euclidean: bool
     mean: bool
@@ -63,12 +65,10 @@ class Costs(NamedTuple):
         What each dimension counts for in each lane.
     local : (ROWS, LANES) float
         Working array.
-    euclidean : bool
     """
 
     share: np.ndarray
     local: np.ndarray
-    euclidean: bool
 
 
 class Room(NamedTuple):
@@ -116,12 +116,21 @@ def make_rule(spec: DtwSpec) -> Rule:
     """The rule of a specification."""
     cost = lane_cost(spec)
     return Rule(
-        cost != "absolute", cost == "euclidean", spec.reduce == "mean", spec.length_norm, spec.root
-    )  # fmt: skip
+        spec.mode == "dependent",
+        is_banded(spec),
+        cost != "absolute",
+        cost == "euclidean",
+        spec.reduce == "mean",
+        spec.length_norm,
+        spec.root,
+    )
 
 
 def make_bands(n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> Bands:
-    """The bands between series of lengths ``n`` and of lengths ``m``."""
+    """The bands between series of lengths ``n`` and of lengths ``m``; empty where ``spec`` has none."""
+    if not is_banded(spec):
+        nothing, none = np.zeros(0, np.int64), np.zeros(0, np.int32)
+        return Bands(nothing, nothing, nothing.reshape(0, 0), none, none)
     rows, query_index = _index(n)
     columns, example_index = _index(m)
     bounds = [row_bounds(row, column, spec) for row in rows for column in columns]
@@ -175,9 +184,9 @@ def make_gradient_room(x: np.ndarray, y: np.ndarray) -> tuple:
     )
 
 
-def make_costs(width: int, euclidean: bool, dtype: np.dtype) -> Costs:
+def make_costs(width: int, dtype: np.dtype) -> Costs:
     """Every dimension counts fully until a tile says otherwise."""
-    costs = Costs(_aligned((width, LANES), dtype), _aligned((ROWS, LANES), dtype), euclidean)
+    costs = Costs(_aligned((width, LANES), dtype), _aligned((ROWS, LANES), dtype))
     costs.share[:] = 1
     return costs
 

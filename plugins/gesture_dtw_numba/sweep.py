@@ -16,9 +16,7 @@ from gesture_dtw_numba.compiled import LANES
 
 
 @njit(nogil=True, error_model="numpy")
-def sweep(
-    x: Any, padded: Any, block: Any, squared: Any, costs: Any, band: Any, gamma: Any, room: Any
-) -> None:
+def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, room: Any) -> None:
     """Fill ``room.above`` with the last row of the accumulated cost.
 
     Parameters
@@ -29,27 +27,29 @@ def sweep(
         Number of padded rows in front, 0 to 3.
     block : (m, C, LANES) float
         The examples.
-    squared : bool
+    rule : Rule
     costs : None or Costs
-        None where C is 1 and no cell is forbidden.
-    band : None or two (4 K, LANES) int32
-        First column and column past the last of each row; needs ``costs``.
+        None where C is 1, no cell is forbidden and the warping is hard.
     gamma : None or float
     room : Room
+        With the band, where ``rule`` has one.
     """
+    squared, euclidean, banded = rule.squared, rule.euclidean, rule.banded
     above, left, corner, border = room.above, room.left, room.corner, room.border
     columns, one = len(block), x.dtype.type(1)
     above[:columns] = border
     start, stop, open_from, open_until = 0, columns, 0, columns
     for i in range(0, len(x), 4):
         corner[:] = border
-        if band is not None:
-            before, after = start, stop
-            start, stop, open_from, open_until = _span(band, i, columns)
-            if start > 0:
-                corner[:] = above[start - 1]
-            above[before:start] = border
-            above[stop:after] = border
+        if costs is not None:
+            # Inside, for what is None is left out of the compiled code.
+            if banded:
+                before, after = start, stop
+                start, stop, open_from, open_until = _span(room.low, room.high, i, columns)
+                if start > 0:
+                    corner[:] = above[start - 1]
+                above[before:start] = border
+                above[stop:after] = border
         left[:] = border
         if i == 0 and padded == 0:
             corner[:] = 0
@@ -58,9 +58,9 @@ def sweep(
         x0, x1, x2, x3 = x[i, 0], x[i + 1, 0], x[i + 2, 0], x[i + 3, 0]
         for j in range(start, stop):
             if costs is not None:
-                _local_costs(x, i, block, j, squared, costs)
-                if band is not None and not open_from <= j < open_until:
-                    _forbid(costs.local, band, i, j, border)
+                _local_costs(x, i, block, j, squared, euclidean, costs)
+                if banded and not open_from <= j < open_until:
+                    _forbid(costs.local, room.low, room.high, i, j, border)
             for lane in range(LANES):
                 if costs is None:
                     e = block[j, 0, lane]
@@ -89,9 +89,8 @@ def sweep(
 
 
 @njit(nogil=True)
-def _span(band: Any, row: Any, columns: Any) -> Any:
+def _span(low: Any, high: Any, row: Any, columns: Any) -> Any:
     """The columns that any lane visits in four rows, and those that all lanes visit in all of them."""
-    low, high = band
     start, stop, open_from, open_until = columns, 0, 0, columns
     for r in range(row, row + 4):
         for lane in range(LANES):
@@ -104,9 +103,8 @@ def _span(band: Any, row: Any, columns: Any) -> Any:
 
 
 @njit(nogil=True)
-def _forbid(local: Any, band: Any, row: Any, column: Any, border: Any) -> None:
+def _forbid(local: Any, low: Any, high: Any, row: Any, column: Any, border: Any) -> None:
     """Make cells outside the band cost more than any path."""
-    low, high = band
     j = np.int32(column)
     for r in range(4):
         for lane in range(LANES):
@@ -115,7 +113,7 @@ def _forbid(local: Any, band: Any, row: Any, column: Any, border: Any) -> None:
 
 
 @njit(nogil=True, error_model="numpy")
-def _local_costs(x: Any, row: Any, block: Any, column: Any, squared: Any, costs: Any) -> None:
+def _local_costs(x: Any, row: Any, block: Any, column: Any, squared: Any, euclidean: Any, costs: Any) -> None:
     """The costs of four rows against one column, over all dimensions in their order."""
     share, local = costs.share, costs.local
     local[:] = 0
@@ -130,7 +128,7 @@ def _local_costs(x: Any, row: Any, block: Any, column: Any, squared: Any, costs:
             local[1, lane] += w * c1
             local[2, lane] += w * c2
             local[3, lane] += w * c3
-    if costs.euclidean:
+    if euclidean:
         for r in range(4):
             for lane in range(LANES):
                 local[r, lane] = np.sqrt(local[r, lane])

@@ -14,69 +14,59 @@ from gesture_dtw_numba.sweep import sweep
 
 
 @cache
-def compiled_tiles() -> tuple[Callable[..., int], Callable[..., int]]:
-    """The compiled functions of independent and of dependent warping.
+def compiled_tile() -> Callable[..., int]:
+    """The compiled function of a tile.
 
-    Both take ``(q, qs, e, es, rule, bands, gamma, costs, room, out)`` and set ``out``
+    It takes ``(q, qs, e, es, rule, bands, gamma, costs, room, out)`` and sets ``out``
     (len(qs), len(es)) float64 to the distances of queries ``qs`` and examples ``es``, which ascend
-    in length; they return the checksum of the code that they were compiled from.
+    in length; it returns the checksum of the code that it was compiled from. It is compiled once for each
+    dtype and for each of: hard costs of one dimension without a band, other hard ones, soft ones.
 
     q, e : Batch
     rule : Rule
-    bands : None or Bands
+    bands : Bands
     gamma : None or float
-    costs : None or Costs; never None with bands or dependent warping
+    costs : None or Costs; None only for hard, independent warping without a band
     room : Room
     """
     version = sources()
 
-    def independent(
+    def tile(
         q: Any, qs: Any, e: Any, es: Any, rule: Any, bands: Any, gamma: Any, costs: Any, room: Any, out: Any
     ) -> int:
         members = np.empty(len(es), np.int64)
+        width = q.values.shape[1]
         out[:] = 0
-        for d in range(q.values.shape[1]):
+        # Independent: each dimension by itself, first for queries in which it is salient, then for
+        # the others, whose examples are fewer. Dependent: everything at once, shares tell dimensions.
+        step = width if rule.dependent else 1
+        for d in range(0, width, step):
             for salient in (True, False):
-                if not _any_query(q, qs, d, salient):
+                if not (salient if rule.dependent else _any_query(q, qs, d, salient)):
                     continue
-                count = _members(e, es, d, salient, members)
+                count = _members(e, es, d, salient, rule.dependent, members)
                 for first in range(0, count, LANES):
                     lanes = members[first : min(first + LANES, count)]
-                    block = _gather(e, es, lanes, d, d + 1, room)
+                    block = _gather(e, es, lanes, d, d + step, room)
                     rows = -1
                     for k, query in enumerate(qs):
-                        if not q.present[query, d] or q.masks[query, d] != salient:
+                        if not rule.dependent and (
+                            not q.present[query, d] or q.masks[query, d] != salient
+                        ):  # fmt: skip
                             continue
-                        x, padded = _pad_query(q, query, d, d + 1, room)
+                        x, padded = _pad_query(q, query, d, d + step, room)
                         if rows != q.lengths[query]:
                             rows = q.lengths[query]
-                            band = _fill_band(bands, rows, padded, room)
-                        sweep(x, padded, block, rule.squared, costs, band, gamma, room)
+                            if rule.banded:
+                                _fill_band(bands, rows, padded, room)
+                        if costs is not None and rule.dependent:
+                            _fill_share(q, query, e, es, lanes, rule.mean, costs.share)
+                        sweep(x, padded, block, rule, costs, gamma, room)
                         _collect(room, lanes, rows, rule, out[k])
-        _reduce(q, qs, e, es, rule.mean, out)
+        _reduce(q, qs, e, es, rule.mean and not rule.dependent, out)
         return version
 
-    def dependent(
-        q: Any, qs: Any, e: Any, es: Any, rule: Any, bands: Any, gamma: Any, costs: Any, room: Any, out: Any
-    ) -> int:
-        every = np.arange(len(es))
-        out[:] = 0
-        for first in range(0, len(es), LANES):
-            lanes = every[first : min(first + LANES, len(es))]
-            block = _gather(e, es, lanes, 0, q.values.shape[1], room)
-            rows = -1
-            for k, query in enumerate(qs):
-                x, padded = _pad_query(q, query, 0, q.values.shape[1], room)
-                if rows != q.lengths[query]:
-                    rows = q.lengths[query]
-                    band = _fill_band(bands, rows, padded, room)
-                _fill_share(q, query, e, es, lanes, rule.mean, costs.share)
-                sweep(x, padded, block, rule.squared, costs, band, gamma, room)
-                _collect(room, lanes, rows, rule, out[k])
-        _reduce(q, qs, e, es, False, out)
-        return version
-
-    return compiled(independent), compiled(dependent)
+    return compiled(tile)
 
 
 @njit(nogil=True)
@@ -88,11 +78,11 @@ def _any_query(q: Any, qs: Any, d: Any, salient: Any) -> Any:
 
 
 @njit(nogil=True)
-def _members(e: Any, es: Any, d: Any, salient: Any, members: Any) -> Any:
-    """Positions in ``es`` that use dimension ``d`` with a query in which it is (not) salient."""
+def _members(e: Any, es: Any, d: Any, salient: Any, every: Any, members: Any) -> Any:
+    """Positions in ``es`` that use dimension ``d`` with a query in which it is (not) salient, or all."""
     count = 0
     for position, example in enumerate(es):
-        if e.present[example, d] and (salient or e.masks[example, d]):
+        if every or (e.present[example, d] and (salient or e.masks[example, d])):
             members[count] = position
             count += 1
     return count
@@ -126,10 +116,8 @@ def _pad_query(q: Any, query: Any, first: Any, stop: Any, room: Any) -> Any:
 
 
 @njit(nogil=True)
-def _fill_band(bands: Any, rows: Any, padded: Any, room: Any) -> Any:
+def _fill_band(bands: Any, rows: Any, padded: Any, room: Any) -> None:
     """Each lane's columns in each row; none in padded rows."""
-    if bands is None:
-        return None
     low, high, lengths = room.low, room.high, room.lengths
     low[:], high[:] = 0, 0
     for lane in range(LANES):
@@ -138,7 +126,6 @@ def _fill_band(bands: Any, rows: Any, padded: Any, room: Any) -> Any:
             for i in range(rows):
                 low[padded + i, lane] = bands.low[offset + i]
                 high[padded + i, lane] = bands.high[offset + i]
-    return low, high
 
 
 @njit(nogil=True)
