@@ -11,8 +11,8 @@ import time
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
-_INPUTS = 12
-_SHARE_WITH_WORKERS = 20
+_INPUTS = 6
+_SHARE_WITH_WORKERS = 40
 
 
 def kills(folder: Path, count: int, seed: int) -> int:

@@ -122,7 +122,11 @@ class Victim:
 
     def _resume(self, after: str) -> None:
         assert _wait(self._start("run")) == 0, f"no resume after {after}"
-        assert self._export("run") == self._expected, f"another export after {after}"
+        found = self._export("run")
+        if found != self._expected:
+            lines = [b"- %s" % line for line in self._expected if line not in found]
+            lines += [b"+ %s" % line for line in found if line not in self._expected]
+            raise AssertionError(f"another export after {after}:\n{b''.join(lines).decode()}")
         self._clean("run")
 
     def _export(self, name: str) -> list[bytes]:
