@@ -6,7 +6,6 @@ the run itself is what is looked at: discovery, workers, decoding, keypoint stor
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
@@ -20,7 +19,7 @@ _GROWTH_MIB = 32
 def archive(folder: Path, count: int, seed: int) -> int:
     """Classify ``count`` videos; print the marks; 1 where memory grew or rows are missing."""
     sys.path[:0] = [str(TESTS), str(TESTS / "archive")]
-    from troubles import make_site, write_video
+    from troubles import make_site, with_site, write_video
 
     site = make_site(folder / "site")
     for right in (True, False):
@@ -32,7 +31,7 @@ def archive(folder: Path, count: int, seed: int) -> int:
     done = subprocess.run(
         [sys.executable, str(TESTS / "archive" / "many_videos.py"), folder / "videos", folder / "examples",
          folder / "run"],
-        env={**os.environ, "PYTHONPATH": str(site), "GESTURE_CACHE": str(folder / "cache")},
+        env={**with_site(site), "GESTURE_CACHE": str(folder / "cache")},
         stdout=subprocess.PIPE, text=True, check=True,
     )  # fmt: skip
     *marks, last = done.stdout.splitlines()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from trouble_plugin import length
-from troubles import CHAIN, classify, make_site, write_archive, write_video
+from troubles import CHAIN, classify, make_site, with_site, write_archive, write_video
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
 
@@ -42,6 +42,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_every_stage_may_fail_in_every_way(site: Path, tmp_path: Path) -> None:
     folder = tmp_path / "archive"
     write_archive(folder, 8, ())
@@ -108,7 +109,7 @@ def test_a_writer_may_fail_in_every_way(site: Path, tmp_path: Path) -> None:
     before = sorted(path.name for path in (tmp_path / "run").iterdir())
     done = subprocess.run(
         [sys.executable, "-c", EXPORT, str(tmp_path / "run"), *WRITERS],
-        env={**os.environ, "PYTHONPATH": str(site)}, capture_output=True, text=True, timeout=200,
+        env=with_site(site), capture_output=True, text=True, timeout=200,
     )  # fmt: skip
     said = done.stdout.splitlines()
     assert len(said) == len(WRITERS), done.stderr
@@ -148,6 +149,7 @@ def test_a_plugin_that_cannot_even_start_stops_the_run_before_it_begins(tmp_path
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_memory_and_compilations_do_not_grow_with_the_archive(site: Path, tmp_path: Path) -> None:
     from conftest import ROOT
 
@@ -158,7 +160,7 @@ def test_memory_and_compilations_do_not_grow_with_the_archive(site: Path, tmp_pa
     script = ROOT / "tests" / "archive" / "many_videos.py"
     done = subprocess.run(
         [sys.executable, str(script), tmp_path / "videos", tmp_path / "examples", tmp_path / "run"],
-        env={**os.environ, "PYTHONPATH": str(site)}, capture_output=True, text=True, timeout=280,
+        env=with_site(site), capture_output=True, text=True, timeout=280,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     *marks, last = done.stdout.splitlines()

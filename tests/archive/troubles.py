@@ -28,6 +28,12 @@ def make_site(folder: Path) -> Path:
     return make_distribution(folder, "trouble", source, "6.6")
 
 
+def with_site(site: Path) -> dict[str, str]:
+    """This process's environment, with what is installed in ``site``."""
+    path = os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return {**os.environ, "PYTHONPATH": path}
+
+
 def write_clip(path: Path, frames: int, joint: int, seed: int = 0) -> None:
     """Keypoints of somebody whose ``joint`` swings, ``frames`` long."""
     rng = np.random.default_rng([seed, frames, joint])
@@ -68,7 +74,7 @@ def classify(folder: Path, out: Path, site: Path | None, *options: str | Path) -
     command = ["classify", folder / "videos", "--examples", folder / "examples", "--out", out]
     done = subprocess.run(
         [sys.executable, "-m", "gesture_core", *command, "--preset", "paper", *LIMITS, *options],
-        env={**os.environ, **({"PYTHONPATH": str(site)} if site else {})},
+        env=with_site(site) if site else None,
         capture_output=True,
         text=True,
         timeout=1800,
