@@ -68,8 +68,11 @@ def run(arguments: Sequence[str]) -> int:
     except GestureError as error:
         return _fail(str(error), _exit_code(error))
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody reads; later flushes must not fail
-        return EXIT_PIPE
+        return _nobody_reads()
+    except SystemExit as stop:
+        if isinstance(stop.__context__, BrokenPipeError):  # the way in which Rich passes it on
+            return _nobody_reads()
+        raise
     except OSError as error:
         return _fail(
             f"E_OS {error}; kept: what was written before; try: check the disk and its permissions",
@@ -83,6 +86,11 @@ def run(arguments: Sequence[str]) -> int:
 
 def _on_sigterm(_number: int, _frame: FrameType | None) -> None:
     raise _Terminated
+
+
+def _nobody_reads() -> int:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # later flushes must not fail
+    return EXIT_PIPE
 
 
 def _fail(text: str, code: int) -> int:

@@ -140,8 +140,9 @@ def test_mistakes_exit_with_two_and_say_what_would_be_right(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
-def test_a_closed_pipe_ends_quietly(run: Path) -> None:
-    command = [sys.executable, "-m", "gesture_core", "export", str(run), "--format", "jsonl", "--to", "-"]
+@pytest.mark.parametrize("words", ["export {run} --format jsonl --to -", "plugins", "--help"])
+def test_a_closed_pipe_ends_quietly(run: Path, words: str) -> None:
+    command = [sys.executable, "-m", "gesture_core", *words.format(run=run).split()]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None and process.stderr is not None
     process.stdout.close()
