@@ -69,7 +69,7 @@ class SteadyRules:
     together: float = 3.0
     near: float = 0.12
     swap: float = 0.5
-    face: float = 2.0
+    face: float = 8.0
     twist: float = 3.0
     slack: float = 0.2
     most: float = 9.0
@@ -228,12 +228,15 @@ class _Choice:
         costs = np.repeat(-rules.score * np.log(np.maximum(scores, 0.03))[:, None], 2, axis=1)
         costs[:, 0, mine.shape[1] :] += rules.other_side
         costs[:, 1, : mine.shape[1]] += rules.other_side
-        # A peak in both maps is one place: that of its own side counts.
-        gaps = theirs[:, :, None, :2] - mine[:, None, :, :2]
-        same = (np.linalg.norm(gaps, axis=-1) < rules.near * self.torso[:, None, None]).any(axis=2)
         none = np.isnan(points[..., 0])
-        none[:, mine.shape[1] :] |= same
         costs = np.where(none[:, None], np.inf, costs)
+        # A peak in both maps is one place, at the lower of its costs.
+        gaps = np.linalg.norm(theirs[:, None, :, :2] - mine[:, :, None, :2], axis=-1)
+        same = (gaps < rules.near * self.torso[:, None, None])[:, None]
+        own_costs, other_costs = np.split(costs, [mine.shape[1]], axis=2)
+        dearer = own_costs[..., None] > other_costs[:, :, None]
+        drop = np.concatenate([(same & dearer).any(axis=3), (same & ~dearer).any(axis=2)], axis=2)
+        costs = np.where(drop, np.inf, costs)
         costs[none[:, 0], :, 0] = rules.missing
         return _Pool(points, scores, costs)
 
