@@ -1,18 +1,23 @@
 """Lower bounds of hard warping distances: LB_Kim and LB_Keogh, for each dimension and summed.
 
 Every bound is of one dimension's accumulated cost, before norm and root, and holds for padded
-batches of unequal lengths. Bounds are computed in float64 and shrunk by a hair, so that a bound
-never exceeds the distance that a float32 kernel computes.
+batches of unequal lengths. Bounds are computed in float64; `lower_bounds` shrinks them by a hair,
+so that none exceeds the distance that a float32 kernel computes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 
 from gesture_core.dtw.bands import is_banded, row_bounds
+from gesture_core.dtw.lanes import used_dimensions, weighted
 from gesture_core.dtw.spec import DtwSpec
+from gesture_core.types import SignalBatch
+
+Keogh = Callable[[np.ndarray, np.ndarray, np.ndarray, bool], np.ndarray]
 
 MARGIN = {np.dtype(np.float32): 1e-4, np.dtype(np.float64): 1e-10}
 """Relative share by which a bound is lowered: above the rounding of a kernel's sums."""
@@ -35,7 +40,7 @@ def envelope(
 
     Returns
     -------
-    lower, upper : (N, rows, D)
+    lower, upper : (N, D, rows)
         LB_Keogh's envelope (Keogh and Ratanamahatana 2005), for any band; without a band the
         range of the whole example.
     """
@@ -50,7 +55,7 @@ def envelope(
         low, high = _bounds(rows, length, spec)
         lower[which] = _range_extreme(part, low, high, np.minimum)
         upper[which] = _range_extreme(part, low, high, np.maximum)
-    return lower, upper
+    return tuple(np.ascontiguousarray(side.transpose(0, 2, 1)) for side in (lower, upper))  # type: ignore[return-value]
 
 
 @lru_cache(maxsize=1024)
@@ -74,19 +79,20 @@ def _range_extreme(values: np.ndarray, low: np.ndarray, high: np.ndarray, pick: 
     return out
 
 
-def keogh(
-    query: np.ndarray, lower: np.ndarray, upper: np.ndarray, squared: bool, margin: float
-) -> np.ndarray:
-    """(N, D) LB_Keogh of one query (n, D) against envelopes (N, n, D)."""
+def keogh(query: np.ndarray, lower: np.ndarray, upper: np.ndarray, squared: bool) -> np.ndarray:
+    """(N, D) LB_Keogh of one query (D, n) against envelopes (N, D, n), without a margin.
+
+    A kernel may have a faster method of this name and signature.
+    """
     outside = np.maximum(query - upper, lower - query)
     np.maximum(outside, 0, out=outside)
     if squared:
         outside *= outside
-    return outside.sum(axis=1) * (1 - margin)
+    return outside.sum(axis=2)
 
 
-def kim(query: np.ndarray, ends: np.ndarray, single: np.ndarray, squared: bool, margin: float) -> np.ndarray:
-    """(N, D) LB_Kim (Kim et al. 2001; its first and last frames, which every path matches).
+def kim(query: np.ndarray, ends: np.ndarray, single: np.ndarray, squared: bool) -> np.ndarray:
+    """(N, D) LB_Kim (Kim et al. 2001; its first and last frames, which every path matches), without a margin.
 
     Parameters
     ----------
@@ -98,4 +104,52 @@ def kim(query: np.ndarray, ends: np.ndarray, single: np.ndarray, squared: bool, 
     """
     first = point_cost(query[0] - ends[0], squared)
     last = point_cost(query[-1] - ends[1], squared)
-    return np.where(single[:, None], first, first + last) * (1 - margin)
+    return np.where(single[:, None], first, first + last)
+
+
+def lower_bounds(
+    queries: SignalBatch, examples: SignalBatch, spec: DtwSpec, keogh: Keogh = keogh
+) -> np.ndarray:
+    """(Q, N) float64 numbers that no hard warping distance is below; infinity where it is infinite.
+
+    The greater of LB_Kim and LB_Keogh for each dimension, summed over the dimensions of the pair.
+    """
+    squared = spec.cost == "squared" or (spec.cost == "euclidean" and spec.mode == "dependent")
+    margin = MARGIN[queries.values.dtype]
+    q_values, e_values = (weighted(batch.values, spec).astype(np.float64) for batch in (queries, examples))
+    count, every = len(examples), np.arange(len(examples))
+    ends = np.stack([e_values[:, 0], e_values[every, examples.lengths - 1]])
+    out = np.empty((len(queries), count))
+    for n in np.unique(queries.lengths).tolist():
+        lower, upper = envelope(e_values, examples.lengths, n, spec)
+        single = (examples.lengths == 1) & (n == 1)
+        for index in np.flatnonzero(queries.lengths == n):
+            use = used_dimensions(queries, examples, np.full(count, index), every)
+            x = q_values[index, :n]
+            outside = keogh(np.ascontiguousarray(x.T), lower, upper, squared)
+            bound = np.maximum(kim(x, ends, single, squared), outside) * (1 - margin)
+            out[index] = _combine(bound, use, n + examples.lengths, spec)
+    return out
+
+
+def _combine(bound: np.ndarray, use: np.ndarray, frames: np.ndarray, spec: DtwSpec) -> np.ndarray:
+    """(N,) bound of the distance from (N, D) bounds of the dimensions."""
+    bound = np.where(use, bound, 0)
+    count = use.sum(axis=1)
+    if spec.mode == "independent":
+        if spec.length_norm:
+            bound = bound / frames[:, None]
+        total = (np.sqrt(bound) if spec.root else bound).sum(axis=1)
+        total = total / np.maximum(count, 1) if spec.reduce == "mean" else total
+    else:
+        total = bound.sum(axis=1)
+        if spec.reduce == "mean":
+            total = total / np.maximum(count, 1)
+        if spec.cost == "euclidean":
+            # The sum of square roots is at least the square root of the sum.
+            total = np.sqrt(total)
+        if spec.length_norm:
+            total = total / frames
+        if spec.root:
+            total = np.sqrt(total)
+    return np.where(count == 0, np.inf, total)

@@ -8,18 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from gesture_core.dtw.bands import is_banded, row_bounds
-from gesture_core.dtw.bounds import MARGIN, envelope, keogh, kim
+from gesture_core.dtw.bounds import keogh, lower_bounds
 from gesture_core.dtw.distances import choose_kernel, make_batches
-from gesture_core.dtw.lanes import used_dimensions, weighted
-from gesture_core.dtw.pairs import pair_distances
+from gesture_core.dtw.lanes import used_dimensions
+from gesture_core.dtw.pairs import distances_within
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
 from gesture_core.types import Neighbors, SignalBatch, Signals
 
 ROUND = 32
-"""Examples of a query that are warped between two looks at its k-th best distance."""
-QUERIES = 256
-"""Queries that are searched side by side."""
+"""Examples of a query that are warped, at least, between two looks at its k-th best distance."""
+REST = 0.5
+"""Where the bounds allow more than this share of what is left, all of it is warped at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Search:
     kernel : str
         The kernel that computed the distances.
     cells_computed, cells_total : int
-        Cells of warping tables inside the band, of the pairs warped and of all pairs.
+        Cells of warping tables inside the band: those computed, and those of all pairs.
     """
 
     neighbors: Neighbors
@@ -83,40 +83,50 @@ def search(
     if spec.gamma is not None:
         values = np.asarray(chosen.distances(state, query_batch))
         return Search(_rank(values, k), name, int(cells.sum()), int(cells.sum()))
-    values = np.full((len(query_batch), len(example_batch)), np.inf, query_batch.values.dtype)
-    warped = np.zeros(values.shape, bool)
-    limits = lower_bounds(query_batch, example_batch, spec)
+    limits = lower_bounds(query_batch, example_batch, spec, getattr(chosen, "keogh", keogh))
     order = np.argsort(limits, axis=1, kind="stable")
     ranked = np.take_along_axis(limits, order, axis=1)
-    kth = np.full(len(values), np.inf)
-    position = 0
+    values = np.full(limits.shape, np.inf, query_batch.values.dtype)
+    best = np.full((len(values), k), np.inf)
+    spent, position, step = 0, 0, k
     active = np.arange(len(values))
-    while len(active):
-        # The next few candidates of every query whose bound still allows a place among the k best.
-        ahead = np.broadcast_to(position + np.arange(_step(position, k)), (len(active), _step(position, k)))
-        valid = ahead < values.shape[1]
-        ahead = np.minimum(ahead, values.shape[1] - 1)
-        valid &= ranked[active[:, None], ahead] <= kth[active, None]
-        row, column = np.nonzero(valid)
-        if len(row) == 0:
-            break
-        qi, ei = active[row], order[active[row], ahead[row, column]]
-        values[qi, ei] = pair_distances(chosen, query_batch, example_batch, spec, qi, ei, state)
-        warped[qi, ei] = True
-        kth[active] = np.partition(values[active], k - 1, axis=1)[:, k - 1]
-        position += ahead.shape[1]
-        active = active[valid.all(axis=1)]
-    return Search(_rank(values, k), name, int(cells[warped].sum()), int(cells.sum()))
-
-
-def _step(position: int, k: int) -> int:
-    """Few candidates first, to learn the k-th best distance cheaply; then more at a time."""
-    return max(k, 1) if position == 0 else max(ROUND, k)
+    while len(active) and position < values.shape[1]:
+        # The next candidates of every query whose bound still allows a place among the k best.
+        ahead = slice(position, position + step)
+        row, column = np.nonzero(ranked[active, ahead] <= best[active, -1:])
+        qi, ei = active[row], order[active, ahead][row, column]
+        found, computed = distances_within(
+            chosen, query_batch, example_batch, spec, qi, ei, best[:, -1], cells, state
+        )  # fmt: skip
+        values[qi, ei] = found
+        spent += int(computed.sum())
+        seen = np.full((len(active), k + step), np.inf)
+        seen[:, :k] = best[active]
+        seen[row, k + column] = found
+        best[active] = np.sort(np.partition(seen, k - 1, axis=1)[:, :k], axis=1)
+        position += step
+        # Few candidates first, to learn the k-th best distance cheaply; then more at a time.
+        step = max(ROUND, position // 4)
+        if position < values.shape[1]:
+            active = active[ranked[active, position] <= best[active, -1]]
+            allowed = (ranked[active, position:] <= best[active, -1:]).mean() if len(active) else 0
+            if position > ROUND and allowed > REST:
+                step = values.shape[1]
+    return Search(_nearest(values, best[:, -1], k), name, spent, int(cells.sum()))
 
 
 def _rank(values: np.ndarray, k: int) -> Neighbors:
     order = np.argsort(values, axis=1, kind="stable")[:, :k]
     return Neighbors(np.take_along_axis(values, order, axis=1), order.astype(np.int64))
+
+
+def _nearest(values: np.ndarray, worst: np.ndarray, k: int) -> Neighbors:
+    """The k least of each row, none of which is above ``worst``; ties go to the lower column."""
+    rows, columns = np.nonzero(values <= worst[:, None])
+    order = np.lexsort((columns, values[rows, columns], rows))
+    starts = np.flatnonzero(np.diff(rows, prepend=-1))
+    chosen = order[starts[:, None] + np.arange(k)]
+    return Neighbors(values[rows[chosen], columns[chosen]], columns[chosen].astype(np.int64))
 
 
 def _cells(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec) -> np.ndarray:
@@ -137,47 +147,3 @@ def _cells(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec) -> np.nda
     for query in range(len(queries)):
         count[query] = used_dimensions(queries, examples, np.full(len(every), query), every).sum(axis=1)
     return cells * count
-
-
-def lower_bounds(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec) -> np.ndarray:
-    """(Q, N) float64 numbers that no hard warping distance is below; infinity where it is infinite."""
-    squared = spec.cost == "squared" or (spec.cost == "euclidean" and spec.mode == "dependent")
-    margin = MARGIN[queries.values.dtype]
-    q_values, e_values = (weighted(batch.values, spec).astype(np.float64) for batch in (queries, examples))
-    count, every = len(examples), np.arange(len(examples))
-    ends = np.stack([e_values[:, 0], e_values[every, examples.lengths - 1]])
-    out = np.empty((len(queries), count))
-    for n in np.unique(queries.lengths).tolist():
-        lower, upper = envelope(e_values, examples.lengths, n, spec)
-        single = (examples.lengths == 1) & (n == 1)
-        for index in np.flatnonzero(queries.lengths == n):
-            use = used_dimensions(queries, examples, np.full(count, index), every)
-            x = q_values[index, :n]
-            bound = np.maximum(
-                kim(x, ends, single, squared, margin), keogh(x, lower, upper, squared, margin)
-            )  # fmt: skip
-            out[index] = _combine(bound, use, n + examples.lengths, spec)
-    return out
-
-
-def _combine(bound: np.ndarray, use: np.ndarray, frames: np.ndarray, spec: DtwSpec) -> np.ndarray:
-    """(N,) bound of the distance from (N, D) bounds of the dimensions."""
-    bound = np.where(use, bound, 0)
-    count = use.sum(axis=1)
-    if spec.mode == "independent":
-        if spec.length_norm:
-            bound = bound / frames[:, None]
-        total = (np.sqrt(bound) if spec.root else bound).sum(axis=1)
-        total = total / np.maximum(count, 1) if spec.reduce == "mean" else total
-    else:
-        total = bound.sum(axis=1)
-        if spec.reduce == "mean":
-            total = total / np.maximum(count, 1)
-        if spec.cost == "euclidean":
-            # The sum of square roots is at least the square root of the sum.
-            total = np.sqrt(total)
-        if spec.length_norm:
-            total = total / frames
-        if spec.root:
-            total = np.sqrt(total)
-    return np.where(count == 0, np.inf, total)

@@ -23,14 +23,14 @@ def sources() -> int:
     return zlib.crc32(b"".join(file.read_bytes() for file in files))
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+def compiled(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
     """Compile ``function`` to run without the interpreter's lock, and keep the machine code on disk.
 
     It is kept beside the package or, where that is read-only, in the user's cache folder
     (``NUMBA_CACHE_DIR`` overrides both). Where neither can be written, each process compiles for
-    itself. No fast-math: a value has the same bits on every path.
+    itself. No fast-math unless ``more`` asks for it: a value has the same bits on every path.
     """
-    options = {"nogil": True, "error_model": "numpy"}
+    options = {"nogil": True, "error_model": "numpy", **more}
     try:
         return njit(function, cache=True, **options)
     except RuntimeError:  # numba's way of saying that no cache folder can be written

@@ -14,6 +14,7 @@ from gesture_core.dtw.bands import has_holes
 from gesture_core.dtw.lanes import LaneKernel, Lanes
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
+from gesture_dtw_numba.bounds import keogh
 from gesture_dtw_numba.compiled import LANES
 from gesture_dtw_numba.gradient import compiled_gradients
 from gesture_dtw_numba.layout import (
@@ -25,10 +26,12 @@ from gesture_dtw_numba.layout import (
     make_room,
     make_rule,
 )
-from gesture_dtw_numba.tile import compiled_tile
+from gesture_dtw_numba.tile import compiled_groups
 
 QUERIES, EXAMPLES = 16, 512
 """Size of a tile: the unit that a thread takes."""
+GROUPS = 64
+"""Queries whose chosen examples a thread takes at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +69,8 @@ class NumbaKernel:
         out = np.empty((len(queries), len(state.examples.lengths)), queries.values.dtype)
 
         def compute(qs: np.ndarray, es: np.ndarray) -> None:
-            out[np.ix_(qs, es)] = run_tile(batch, qs, state, es)
+            found, _ = run_groups(batch, qs, [0, len(qs)], state, es, [0, len(es)])
+            out[np.ix_(qs, es)] = found.reshape(len(qs), len(es))
 
         tiles = [
             (qs, es)
@@ -80,16 +84,43 @@ class NumbaKernel:
         self, state: Prepared, queries: SignalBatch, query_index: np.ndarray, example_index: np.ndarray
     ) -> np.ndarray:
         """(K,) distances of chosen pairs, bitwise those of `distances`."""
+        return self.within(state, queries, query_index, example_index)[0]
+
+    def within(
+        self,
+        state: Prepared,
+        queries: SignalBatch,
+        query_index: np.ndarray,
+        example_index: np.ndarray,
+        limits: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Distances of chosen pairs as far as they matter; see `gesture_core.dtw.pairs.distances_within`."""
         batch = make_batch(queries, state.spec)
         out = np.empty(len(query_index), queries.values.dtype)
+        cells = np.empty(len(query_index), np.int64)
         order = np.lexsort((state.examples.lengths[example_index], query_index))
-        borders = np.flatnonzero(np.diff(query_index[order])) + 1
+        starts = np.flatnonzero(np.diff(query_index[order], prepend=-1))
+        ends = np.append(starts, len(order))
 
-        def compute(chosen: np.ndarray) -> None:
-            out[chosen] = run_tile(batch, query_index[chosen[:1]], state, example_index[chosen])[0]
+        def compute(groups: np.ndarray) -> None:
+            first, last = ends[groups[0]], ends[groups[-1] + 1]
+            chosen = order[first:last]
+            out[chosen], cells[chosen] = run_groups(
+                batch,
+                query_index[order[ends[groups]]],
+                range(len(groups) + 1),
+                state,
+                example_index[chosen],
+                ends[groups[0] : groups[-1] + 2] - first,
+                limits,
+            )
 
-        self._each(compute, [(part,) for group in np.split(order, borders) for part in _cut(group, EXAMPLES)])
-        return out
+        self._each(compute, [(part,) for part in _cut(np.arange(len(starts)), GROUPS)])
+        return out, cells
+
+    def keogh(self, query: np.ndarray, lower: np.ndarray, upper: np.ndarray, squared: bool) -> np.ndarray:
+        """(N, D) LB_Keogh sums; see `gesture_core.dtw.bounds.keogh`."""
+        return keogh(query, lower, upper, squared)
 
     def gradients(
         self, state: Prepared, queries: SignalBatch, weights: np.ndarray
@@ -113,8 +144,16 @@ def _cut(order: np.ndarray, size: int) -> list[np.ndarray]:
     return [order[start : start + size] for start in range(0, len(order), size)]
 
 
-def run_tile(queries: Batch, qs: np.ndarray, state: Prepared, es: np.ndarray) -> np.ndarray:
-    """(len(qs), len(es)) float64 distances; ``es`` ascends in length."""
+def run_groups(
+    queries: Batch,
+    qs: np.ndarray,
+    q_ends: Sequence[int],
+    state: Prepared,
+    es: np.ndarray,
+    e_ends: Sequence[int],
+    limits: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Distances (float64) and computed cells of groups, end to end; see `tile.compiled_groups`."""
     examples, spec = state.examples, state.spec
     n, m = queries.lengths[qs], examples.lengths[es]
     dtype, rule = queries.values.dtype, make_rule(spec)
@@ -122,10 +161,17 @@ def run_tile(queries: Batch, qs: np.ndarray, state: Prepared, es: np.ndarray) ->
     gamma = None if spec.gamma is None else dtype.type(spec.gamma)
     plain = gamma is None and not rule.banded and not rule.dependent
     costs = None if plain else make_costs(width, dtype)
-    room = make_room(int(n.max()), int(m[-1]), width, rule.banded, dtype)
-    out = np.empty((len(qs), len(es)))
-    compiled_tile()(queries, qs, examples, es, rule, make_bands(n, m, spec), gamma, costs, room, out)
-    return out
+    room = make_room(int(n.max()), int(m.max()), width, rule.banded, dtype)
+    q_ends, e_ends = np.asarray(q_ends, np.int64), np.asarray(e_ends, np.int64)
+    count = int((np.diff(q_ends) * np.diff(e_ends)).sum())
+    out, cells = np.empty(count), np.empty(count, np.int64)
+    if limits is None or gamma is not None:
+        limits = np.empty(0)
+    bands = make_bands(n, m, spec)
+    compiled_groups()(
+        queries, qs, q_ends, examples, es, e_ends, rule, bands, gamma, costs, limits, room, out, cells
+    )
+    return out, cells
 
 
 class GradientLanes(LaneKernel):

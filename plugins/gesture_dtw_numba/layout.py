@@ -90,6 +90,8 @@ class Room(NamedTuple):
         The cell above that column.
     low, high : (rows, LANES) int32
         The band.
+    limit : (LANES,) float
+        What each lane may accumulate before nobody wants its pair; below zero in lanes that are empty.
     far, border : float
         `far` and `unreached`.
     """
@@ -102,6 +104,7 @@ class Room(NamedTuple):
     corner: np.ndarray
     low: np.ndarray
     high: np.ndarray
+    limit: np.ndarray
     far: float
     border: float
 
@@ -165,6 +168,7 @@ def make_room(rows: int, columns: int, width: int, banded: bool, dtype: np.dtype
         _aligned((LANES,), dtype),
         _aligned(band, np.dtype(np.int32)),
         _aligned(band, np.dtype(np.int32)),
+        _aligned((LANES,), dtype),
         dtype.type(far(dtype)),
         dtype.type(unreached(dtype)),
     )

@@ -16,8 +16,8 @@ from gesture_dtw_numba.compiled import LANES
 
 
 @njit(nogil=True, error_model="numpy")
-def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, room: Any) -> None:
-    """Fill ``room.above`` with the last row of the accumulated cost.
+def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, limited: Any, room: Any) -> int:
+    """Fill ``room.above`` with the last row of the accumulated cost; returns how many rows were done.
 
     Parameters
     ----------
@@ -31,6 +31,8 @@ def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, ro
     costs : None or Costs
         None where C is 1, no cell is forbidden and the warping is hard.
     gamma : None or float
+    limited : bool
+        Stop where every lane is certain to exceed ``room.limit``.
     room : Room
         With the band, where ``rule`` has one.
     """
@@ -86,6 +88,24 @@ def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, ro
                 left[0, lane], left[1, lane], left[2, lane], left[3, lane] = v0, v1, v2, v3
                 corner[lane] = up
                 above[j, lane] = v3
+        if limited and i % 16 == 12 and _all_exceed(above, start, stop, corner, room.limit):
+            return i + 4 - padded
+    return len(x) - padded
+
+
+@njit(nogil=True)
+def _all_exceed(above: Any, start: Any, stop: Any, least: Any, limit: Any) -> bool:
+    """Whether every path through the row has cost more than its lane's limit; costs only grow."""
+    if start >= stop:
+        return False
+    least[:] = above[start]
+    for j in range(start + 1, stop):
+        for lane in range(LANES):
+            least[lane] = min(least[lane], above[j, lane])
+    for lane in range(LANES):
+        if least[lane] <= limit[lane]:
+            return False
+    return True
 
 
 @njit(nogil=True)

@@ -1,4 +1,4 @@
-"""Some queries against some examples: gather lanes, sweep them, add up the dimensions."""
+"""Groups of queries and examples: gather lanes, sweep them, add up the dimensions."""
 
 from __future__ import annotations
 
@@ -14,12 +14,17 @@ from gesture_dtw_numba.sweep import sweep
 
 
 @cache
-def compiled_tile() -> Callable[..., int]:
-    """The compiled function of a tile.
+def compiled_groups() -> Callable[..., int]:
+    """The compiled function of groups of queries and examples.
 
-    It takes ``(q, qs, e, es, rule, bands, gamma, costs, room, out)`` and sets ``out``
-    (len(qs), len(es)) float64 to the distances of queries ``qs`` and examples ``es``, which ascend
-    in length; it returns the checksum of the code that it was compiled from. It is compiled once for each
+    It takes ``(q, qs, q_ends, e, es, e_ends, rule, bands, gamma, costs, limits, room, out, cells)``.
+    Group g is every query of ``qs[q_ends[g]:q_ends[g + 1]]`` with every example of
+    ``es[e_ends[g]:e_ends[g + 1]]``, which ascend in length; its distances are the next numbers of
+    ``out`` (float64), a row for each query, and the cells that were computed those of ``cells``
+    (int64). With ``limits``, a distance for each of the queries that are stored in ``q``, a pair
+    that is certain to exceed its query's is left at infinity as soon as that is known.
+
+    It returns the checksum of the code that it was compiled from, which is done once for each
     dtype and for each of: hard costs of one dimension without a band, other hard ones, soft ones.
 
     q, e : Batch
@@ -27,46 +32,127 @@ def compiled_tile() -> Callable[..., int]:
     bands : Bands
     gamma : None or float
     costs : None or Costs; None only for hard, independent warping without a band
+    limits : float64, empty for none
     room : Room
     """
     version = sources()
 
-    def tile(
-        q: Any, qs: Any, e: Any, es: Any, rule: Any, bands: Any, gamma: Any, costs: Any, room: Any, out: Any
+    def groups(
+        q: Any,
+        qs: Any,
+        q_ends: Any,
+        e: Any,
+        es: Any,
+        e_ends: Any,
+        rule: Any,
+        bands: Any,
+        gamma: Any,
+        costs: Any,
+        limits: Any,
+        room: Any,
+        out: Any,
+        cells: Any,
     ) -> int:
-        members = np.empty(len(es), np.int64)
-        width = q.values.shape[1]
-        out[:] = 0
-        # Independent: each dimension by itself, first for queries in which it is salient, then for
-        # the others, whose examples are fewer. Dependent: everything at once, shares tell dimensions.
-        step = width if rule.dependent else 1
-        for d in range(0, width, step):
-            for salient in (True, False):
-                if not (salient if rule.dependent else _any_query(q, qs, d, salient)):
-                    continue
-                count = _members(e, es, d, salient, rule.dependent, members)
-                for first in range(0, count, LANES):
-                    lanes = members[first : min(first + LANES, count)]
-                    block = _gather(e, es, lanes, d, d + step, room)
-                    rows = -1
-                    for k, query in enumerate(qs):
-                        if not rule.dependent and (
-                            not q.present[query, d] or q.masks[query, d] != salient
-                        ):  # fmt: skip
-                            continue
-                        x, padded = _pad_query(q, query, d, d + step, room)
-                        if rows != q.lengths[query]:
-                            rows = q.lengths[query]
-                            if rule.banded:
-                                _fill_band(bands, rows, padded, room)
-                        if costs is not None and rule.dependent:
-                            _fill_share(q, query, e, es, lanes, rule.mean, costs.share)
-                        sweep(x, padded, block, rule, costs, gamma, room)
-                        _collect(room, lanes, rows, rule, out[k])
-        _reduce(q, qs, e, es, rule.mean and not rule.dependent, out)
+        at = 0
+        for g in range(len(q_ends) - 1):
+            own_qs, own_es = qs[q_ends[g] : q_ends[g + 1]], es[e_ends[g] : e_ends[g + 1]]
+            shape = (len(own_qs), len(own_es))
+            stop = at + shape[0] * shape[1]
+            own_out, own_cells = out[at:stop].reshape(shape), cells[at:stop].reshape(shape)
+            _group(q, own_qs, e, own_es, rule, bands, gamma, costs, limits, room, own_out, own_cells)
+            at = stop
         return version
 
-    return compiled(tile)
+    return compiled(groups)
+
+
+@njit(nogil=True, error_model="numpy")
+def _group(
+    q: Any,
+    qs: Any,
+    e: Any,
+    es: Any,
+    rule: Any,
+    bands: Any,
+    gamma: Any,
+    costs: Any,
+    limits: Any,
+    room: Any,
+    out: Any,
+    cells: Any,
+) -> None:
+    members = np.empty(len(es), np.int64)
+    width = q.values.shape[1]
+    limited = len(limits) > 0
+    out[:] = 0
+    cells[:] = 0
+    # Independent: each dimension by itself, first for queries in which it is salient, then for the
+    # others, whose examples are fewer. Dependent: everything at once, shares tell dimensions apart.
+    step = width if rule.dependent else 1
+    for d in range(0, width, step):
+        for salient in (True, False):
+            if not (salient if rule.dependent else _any_query(q, qs, d, salient)):
+                continue
+            count = _members(e, es, d, salient, rule.dependent, members)
+            for first in range(0, count, LANES):
+                lanes = members[first : min(first + LANES, count)]
+                block = _gather(e, es, lanes, d, d + step, room)
+                rows = -1
+                for k, query in enumerate(qs):
+                    if not rule.dependent and (not q.present[query, d] or q.masks[query, d] != salient):
+                        continue
+                    if limited and not _set_limits(q, query, e, es, lanes, limits[query], rule, room, out[k]):
+                        for position in lanes:
+                            out[k, position] = np.inf
+                        continue
+                    x, padded = _pad_query(q, query, d, d + step, room)
+                    if rows != q.lengths[query]:
+                        rows = q.lengths[query]
+                        if rule.banded:
+                            _fill_band(bands, rows, padded, room)
+                    if costs is not None and rule.dependent:
+                        _fill_share(q, query, e, es, lanes, rule.mean, costs.share)
+                    done = sweep(x, padded, block, rule, costs, gamma, limited, room)
+                    _collect(room, lanes, rows, done, rule, out[k])
+                    if limited:
+                        _count_cells(bands, rows, done, rule, lanes, room, cells[k])
+    _reduce(q, qs, e, es, rule.mean and not rule.dependent, out)
+
+
+@njit(nogil=True, error_model="numpy")
+def _set_limits(
+    q: Any, query: Any, e: Any, es: Any, lanes: Any, limit: Any, rule: Any, room: Any, out: Any
+) -> bool:
+    """What each lane may accumulate before its pair exceeds ``limit``; whether any may at all."""
+    room.limit[:] = -1
+    any_left = False
+    for lane, position in enumerate(lanes):
+        example = es[position]
+        whole = limit
+        if rule.mean and not rule.dependent:
+            whole *= _used(q, query, e, example)
+        left = whole - out[position]
+        if left >= 0:
+            any_left = True
+            if rule.root:
+                left *= left
+            if rule.length_norm:
+                left *= q.lengths[query] + e.lengths[example]
+            room.limit[lane] = left
+    return any_left
+
+
+@njit(nogil=True)
+def _count_cells(bands: Any, rows: Any, done: Any, rule: Any, lanes: Any, room: Any, cells: Any) -> None:
+    """Add the cells inside the band of each lane's first ``done`` rows."""
+    for lane, position in enumerate(lanes):
+        columns = room.lengths[lane]
+        if rule.banded:
+            offset = bands.offset[bands.query_index[rows], bands.example_index[columns]]
+            for i in range(offset, offset + done):
+                cells[position] += bands.high[i] - bands.low[i]
+        else:
+            cells[position] += done * columns
 
 
 @njit(nogil=True)
@@ -151,8 +237,11 @@ def _used(q: Any, query: Any, e: Any, example: Any) -> Any:
 
 
 @njit(nogil=True, error_model="numpy")
-def _collect(room: Any, lanes: Any, rows: Any, rule: Any, out: Any) -> None:
-    """Add each lane's value at its own last column, normed and rooted, to its pair."""
+def _collect(room: Any, lanes: Any, rows: Any, done: Any, rule: Any, out: Any) -> None:
+    """Add each lane's value at its own last column, normed and rooted, to its pair.
+
+    Infinity where fewer than ``rows`` rows were ``done``: what exceeds its limit.
+    """
     for lane, position in enumerate(lanes):
         columns = room.lengths[lane]
         value = np.float64(room.above[columns - 1, lane])
@@ -160,7 +249,7 @@ def _collect(room: Any, lanes: Any, rows: Any, rule: Any, out: Any) -> None:
             value /= rows + columns
         if rule.root:
             value = np.sqrt(value)
-        out[position] += value
+        out[position] += value if done == rows else np.inf
 
 
 @njit(nogil=True, error_model="numpy")
