@@ -70,6 +70,9 @@ def test_every_command_in_the_text_is_understood(command: str) -> None:
     words = [word.strip("[]").split("|")[0] for word in shlex.split(command)[1:]]
     if words[0] == "classify" and "…" in words:
         words = ["classify", "videos/", "--examples", "examples/", "--out", "run/"]
+    if words[1:] == []:  # a command is spoken of, not shown
+        assert words[0] in _COMMANDS
+        return
     app.parse_args(words, exit_on_error=False, print_error=False)
 
 
