@@ -79,8 +79,12 @@ class Comparison:
         return self.swapped / max(self.pairs, 1)
 
 
-def compare(student: PoseSequence, teacher: PoseSequence) -> Comparison:
-    """Compare the same frames; the shoulder width is the teacher's median over the video."""
+def compare(student: PoseSequence, teacher: PoseSequence, witness: np.ndarray | None = None) -> Comparison:
+    """Compare the same frames; the shoulder width is the teacher's median over the video.
+
+    With a ``witness`` (T, 18, 2), only pairs whose sides it sees as the teacher does can be swapped: the
+    peaks of a teacher who looks at whole pictures are at times those of a passer-by.
+    """
     mine, theirs = student.as_coco18(), teacher.as_coco18()
     points = mine.keypoints
     visible = theirs.scores >= VISIBLE
@@ -92,6 +96,10 @@ def compare(student: PoseSequence, teacher: PoseSequence) -> Comparison:
         straight = _length(points[:, a] - truth[:, a]) + _length(points[:, b] - truth[:, b])
         crossed = _length(points[:, a] - truth[:, b]) + _length(points[:, b] - truth[:, a])
         apart = ~np.isnan(straight) & (_length(truth[:, a] - truth[:, b]) > 0.4 * width)
+        if witness is not None:
+            kept = _length(witness[:, a] - truth[:, a]) + _length(witness[:, b] - truth[:, b])
+            turned = _length(witness[:, a] - truth[:, b]) + _length(witness[:, b] - truth[:, a])
+            apart &= kept < turned
         pairs += int(apart.sum())
         swapped += int((apart & (crossed < 0.5 * straight)).sum())
     return Comparison(_length(points - truth) / width, visible, ~np.isnan(points[..., 0]), swapped, pairs)
