@@ -94,7 +94,7 @@ def _bars(axes: Any, sides: list[Alignment], order: list[int]) -> None:
     axes.set_yticks([r + height / 2 for r in range(len(top))], [sides[0].query.channels[c] for c in top])
     _few_ticks(axes)
     axes.invert_yaxis()
-    axes.legend(fontsize=7)
+    axes.legend(fontsize=7, loc="lower right")  # the longest bars are at the top
     axes.set_title("channels that decide", fontsize=9)
 
 
