@@ -91,7 +91,7 @@ def discover(
     if readers is None:
         with Sandbox(LimitSettings()) as sandbox:
             return discover(sources, avoid=avoid, readers=Readers(sandbox))
-    walk = _Walk(avoid.resolve() if avoid else None, readers)
+    walk = _Walk(avoid, readers)
     found: dict[bytes, Input] = {}
     for source in sources:
         for item in walk.source(Path(source)):
@@ -103,9 +103,9 @@ class _Walk:
     """Remembers which folders it has been in, so that no link leads round in circles."""
 
     def __init__(self, avoid: Path | None, readers: Readers) -> None:
-        self._avoid = avoid
+        self._avoid = _identity(avoid) if avoid and avoid.exists() else None
         self._readers = readers
-        self._been: set[Path] = set()
+        self._been: set[tuple[int, int]] = set()
 
     def source(self, path: Path) -> Iterator[Input]:
         """Inputs of something that the user named: a path, a glob or a manifest."""
@@ -144,10 +144,10 @@ class _Walk:
     def _folder(self, folder: Path) -> Iterator[Input | Path]:
         """What is directly in a folder: inputs, and folders to go into."""
         try:
-            real = folder.resolve()
-            if real == self._avoid or real in self._been:
+            identity = _identity(folder)
+            if identity == self._avoid or identity in self._been:
                 return
-            self._been.add(real)
+            self._been.add(identity)
             entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
             folders = {entry for entry in entries if _is_folder(entry)}
         except OSError as error:
@@ -205,6 +205,12 @@ def _not_found(path: Path, where: str = "") -> InputError:
 
 def _broken(path: Path, code: str, fault: str) -> Input:
     return Input(path, printable(os.fspath(path)), "broken", code=code, fault=fault)
+
+
+def _identity(folder: Path) -> tuple[int, int]:
+    """The same for all ways that lead to one folder."""
+    found = folder.stat()
+    return found.st_dev, found.st_ino
 
 
 def _is_folder(path: Path) -> bool:

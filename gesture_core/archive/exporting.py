@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.archive.atomic import replacing
+from gesture_core.archive.child import MEMORY
 from gesture_core.archive.journal import Journal, open_journal
 from gesture_core.archive.rows import COLUMNS
 from gesture_core.archive.sandbox import Sandbox, SandboxDeath
@@ -31,12 +32,12 @@ def export_rows(run: Path, format: str, path: Path | None, limits: LimitSettings
         parties run under ``limits`` in a process of their own.
     """
     entry = registry().find("writer", format)
-    if entry.origin.built_in:
-        return write_rows(run, format, path)
     with Sandbox(limits) as sandbox:
+        foreign = None if entry.origin.built_in else sandbox
         try:
-            target = os.fsencode(path).hex() if path else ""
-            written: str = sandbox.ask("write", run=os.fsencode(run).hex(), format=format, path=target)
+            target = path or run / f"results{_suffix(format, foreign)}"
+            with replacing(target) as temporary:
+                _write(run, format, temporary, foreign)
         except SandboxDeath as death:
             raise PluginError(
                 f"{entry.title} of {entry.origin}: {death.cause}",
@@ -44,24 +45,41 @@ def export_rows(run: Path, format: str, path: Path | None, limits: LimitSettings
                 remedy="another --format, or report it",
                 code=death.code,
             ) from death
-    return Path(os.fsdecode(bytes.fromhex(written)))
+    return target
 
 
-def write_rows(run: Path, format: str, path: Path | None, alive: Callable[[], None] = lambda: None) -> Path:
-    """`export_rows` in this process; ``alive`` is called now and then."""
+def _suffix(format: str, sandbox: Sandbox | None) -> str:
+    return str(sandbox.ask("suffix", format=format)) if sandbox else suffix_of(format)
+
+
+def _write(run: Path, format: str, path: Path, sandbox: Sandbox | None) -> None:
+    if sandbox:
+        sandbox.ask("write", run=os.fsencode(run).hex(), format=format, path=os.fsencode(path).hex())
+    else:
+        write_rows(run, format, path)
+
+
+def suffix_of(format: str) -> str:
+    """What the names of the files that a writer writes end in."""
+    return str(registry().make("writer", format).suffix)
+
+
+def write_rows(run: Path, format: str, path: Path, alive: Callable[[], None] = lambda: None) -> None:
+    """Write the rows of ``run`` to ``path`` in this process; ``alive`` is called now and then."""
     entry = registry().find("writer", format)
     writer = registry().make("writer", format)
     with open_journal(run) as journal:
         try:
-            target = path or run / f"results{writer.suffix}"
-            with replacing(target) as temporary:
-                writer.write(_records(journal, alive), COLUMNS, temporary)
-                if not temporary.is_file():
-                    raise PluginError(
-                        f"{entry.title} of {entry.origin} wrote no file", code="E_PLUGIN_CONTRACT"
-                    )
+            writer.write(_records(journal, alive), COLUMNS, path)
         except (GestureError, OSError):
             raise
+        except MemoryError as error:
+            raise PluginError(
+                f"{entry.title} of {entry.origin}: out of memory",
+                kept="every row of the run",
+                remedy="--set limits.memory=… with a larger figure",
+                code=MEMORY,
+            ) from error
         except (Exception, SystemExit) as error:
             raise PluginError(
                 f"{entry.title} of {entry.origin} raised {type(error).__name__}: {error}",
@@ -69,7 +87,9 @@ def write_rows(run: Path, format: str, path: Path | None, alive: Callable[[], No
                 remedy="another --format, or report it",
                 code="E_PLUGIN_RAISED",
             ) from error
-    return target
+    if not path.is_file():
+        cause = f"{entry.title} of {entry.origin} wrote no file"
+        raise PluginError(cause, kept="every row of the run", code="E_PLUGIN_CONTRACT")
 
 
 def _records(journal: Journal, alive: Callable[[], None]) -> Iterator[dict[str, Any]]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from gesture_core.archive.hashing import content_sha256, settings_sha256, stamp
 from gesture_core.archive.probe import probe
+from gesture_core.archive.pruning import mark_used
 from gesture_core.archive.store import read_keypoints, write_keypoints
 from gesture_core.archive.work import Job, Outcome, Task
 from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
@@ -94,6 +95,7 @@ class Extractor:
             stored = read_keypoints(path)
         except KeypointError:  # damaged on disk: extract again, which replaces the file
             return None
+        mark_used(path)
         return replace(outcome, stored=name, cached=True, **_facts(stored.facts))
 
     def _extract(self, task: Task, outcome: Outcome, on_frames: Callable[[int], None]) -> Outcome:
@@ -156,6 +158,9 @@ class Extractor:
         if settings.pose.people == "single" and len(sequences) > 1:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
             sequences = [replace(best, person=0)]
+        if len({sequence.person for sequence in sequences}) < len(sequences):
+            # Rows and files tell people apart by their numbers.
+            sequences = [replace(sequence, person=n) for n, sequence in enumerate(sequences)]
         frames = max((len(sequence) for sequence in sequences), default=0)
         if frames > settings.limits.frames:
             raise KeypointError(

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from gesture_core.archive.child import MEMORY
 from gesture_core.archive.deciding import Arrived, Decided, Decider, Deciding, Example
 from gesture_core.archive.run import keypoint_store
 from gesture_core.archive.sandbox import Sandbox, SandboxDeath
@@ -90,13 +91,13 @@ class GuardedDecider:
             raise
         except GestureError as error:
             died = isinstance(error, SandboxDeath)
-            said = self._blamed(error) if died else error
+            said = self._blamed(error) if isinstance(error, PluginError) else error
             failed = Prediction(None, "error", code=said.code, message=said.message)
             return Decided((failed,) * len(one.people), attempts=2 if died else 1)
 
     def _predict(self, batch: Sequence[Arrived]) -> list[Decided]:
         answers = self._ask("predict", batch=[(one.name, one.stored) for one in batch])
-        return [Decided(tuple(_prediction(tree) for tree in trees)) for trees in answers]
+        return [Decided(tuple(self._prediction(tree) for tree in trees)) for trees in answers]
 
     def _ask(self, what: str, **arguments: Any) -> Any:
         self._prepare()
@@ -130,7 +131,8 @@ class GuardedDecider:
             f"{self._suspects}: {death.cause}", kept="the keypoints", remedy=death.remedy, code=death.code
         )
 
-
-def _prediction(tree: dict[str, Any]) -> Prediction:
-    neighbors = tuple((name, label, distance) for name, label, distance in tree["neighbors"])
-    return Prediction(**{**tree, "neighbors": neighbors, "selected": tuple(tree["selected"])})
+    def _prediction(self, tree: dict[str, Any]) -> Prediction:
+        if tree["code"] == MEMORY:
+            tree["message"] = f"{self._suspects}: {tree['message']}"
+        neighbors = tuple((name, label, distance) for name, label, distance in tree["neighbors"])
+        return Prediction(**{**tree, "neighbors": neighbors, "selected": tuple(tree["selected"])})

@@ -19,6 +19,7 @@ from gesture_core.archive.journal import Committed, Journal
 from gesture_core.archive.keypoint_files import publish
 from gesture_core.archive.lock import run_lock
 from gesture_core.archive.plan import Plan, make_plan
+from gesture_core.archive.pruning import prune
 from gesture_core.archive.rows import Row
 from gesture_core.archive.run import Listener, RunRequest, RunSummary, keypoint_store
 from gesture_core.archive.sandbox import Sandbox
@@ -58,6 +59,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         run = _Run(request, plan, journal, listener)
         if plan.waiting:
             run.work()
+            if run.added:
+                prune(keypoint_store(), request.settings.limits.cache)
         failed = tuple(journal.rows("example"))
         lost = {str(item.label) for item in plan.examples} - _usable(plan.examples, failed)
         return RunSummary(
@@ -85,6 +88,7 @@ class _Run:
     journal: Journal
     listener: Listener
     frames: int = 0
+    added: bool = False
 
     def work(self) -> None:
         """Extract, compare, commit, until nothing waits."""
@@ -123,6 +127,7 @@ class _Run:
             item = items[outcome.number]
             self.listener.extracted(item.name, outcome.cached)
             self.frames += 0 if outcome.cached else outcome.frames_read
+            self.added |= bool(outcome.stored) and not outcome.cached
             yield item, outcome
 
     def _fit(self, deciding: Deciding, outcomes: Mapping[Input, Outcome]) -> None:

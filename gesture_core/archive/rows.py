@@ -9,6 +9,8 @@ from typing import Any
 
 from gesture_core.types import Status
 
+_LONGEST = 10_000
+
 
 @dataclass(frozen=True)
 class Row:
@@ -72,6 +74,8 @@ class Row:
         record = asdict(self)
         record["neighbors"] = json.dumps(self.neighbors, ensure_ascii=False)
         record["selected"] = " ".join(self.selected)
+        if len(self.message) > _LONGEST:  # a plugin's error may be of any length
+            record["message"] = f"{self.message[:_LONGEST]}…"
         return {name: _valid(value) if isinstance(value, str) else value for name, value in record.items()}
 
     @classmethod

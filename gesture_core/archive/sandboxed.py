@@ -13,7 +13,7 @@ from typing import Any
 
 from gesture_core.archive.child import MEMORY
 from gesture_core.archive.deciding import Arrived, Decider, Example
-from gesture_core.archive.exporting import write_rows
+from gesture_core.archive.exporting import suffix_of, write_rows
 from gesture_core.archive.readers import accepts, members
 from gesture_core.archive.sandbox import told
 from gesture_core.archive.serving import Message, Reply, serve
@@ -62,9 +62,11 @@ class _Sandboxed:
         decided = self._ready.predict(arrived)
         return [[asdict(prediction) for prediction in one.predictions] for one in decided]
 
-    def write(self, alive: Callable[[], None], run: str, format: str, path: str) -> str:
-        written = write_rows(_path(run), format, _path(path) if path else None, alive)
-        return os.fsencode(written).hex()
+    def suffix(self, alive: Callable[[], None], format: str) -> str:
+        return suffix_of(format)
+
+    def write(self, alive: Callable[[], None], run: str, format: str, path: str) -> None:
+        write_rows(_path(run), format, _path(path), alive)
 
     @property
     def _ready(self) -> Decider:

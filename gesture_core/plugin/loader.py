@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
+from contextlib import redirect_stdout
 from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -29,7 +31,8 @@ def load_registry(points: Iterable[EntryPoint]) -> Registry:
     for point in sorted(points, key=lambda p: (_distribution(p), p.name)):
         origin = Origin(point.name, _distribution(point), point.dist.version if point.dist else "")
         try:
-            module = point.load()
+            with redirect_stdout(sys.stderr):  # standard output is for results
+                module = point.load()
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
             found.faults.append(Fault(origin, f"cannot be imported: {type(error).__name__}: {error}"))
             continue
@@ -58,7 +61,8 @@ def register_module(found: Registry, module: Any, origin: Origin) -> None:
             )
             continue
         try:
-            getattr(manager.hook, caller.name)(register=partial(found.add, kind, origin))
+            with redirect_stdout(sys.stderr):
+                getattr(manager.hook, caller.name)(register=partial(found.add, kind, origin))
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
             found.faults.append(Fault(origin, f"{caller.name} raised {type(error).__name__}: {error}", kind))
 

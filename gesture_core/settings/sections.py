@@ -115,7 +115,8 @@ class ClassifySettings:
         Every example also stands for the same movement made with the other hand; the distance to
         that reading is multiplied by this factor, 1 or more.
     coverage : bool
-        Divide a distance by the share of channels that both sequences have.
+        Divide a distance by the share of channels that both sequences have; with `relative`, by the
+        share of their sizes that lies in these channels.
     separate : bool
         One warping for each body part instead of one for all channels, in dependent mode; the
         distance is their sum, so that legs need not keep the hands' time.
@@ -158,16 +159,19 @@ class LimitSettings:
         Without a sign of progress from the worker, before it is ended.
     memory : int
         MiB of one worker process.
+    cache : int
+        MiB of the keypoint store, beyond which a run deletes what was used longest ago.
     """
 
     pixels: int = 64_000_000
     frames: int = 200_000
     seconds: float = 120.0
     memory: int = 4096
+    cache: int = 10_240
 
     def __post_init__(self) -> None:
         bounds = {"pixels": (1, 1e12), "frames": (1, 1e9), "seconds": (0.1, _INFINITE)}
-        _within("limits", self, {**bounds, "memory": (64, 1e9)})
+        _within("limits", self, {**bounds, "memory": (64, 1e9), "cache": (0, 1e9)})
 
 
 SECTIONS: dict[str, type] = {

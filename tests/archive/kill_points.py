@@ -130,9 +130,11 @@ class Victim:
         self._clean("run")
 
     def _export(self, name: str) -> list[bytes]:
-        from gesture_core.archive.exporting import write_rows
+        from gesture_core.archive.exporting import export_rows
+        from gesture_core.settings import LimitSettings
 
-        return sorted(write_rows(self._folder / name, "csv", None).read_bytes().splitlines(keepends=True))
+        exported = export_rows(self._folder / name, "csv", None, LimitSettings())
+        return sorted(exported.read_bytes().splitlines(keepends=True))
 
     def _clean(self, name: str) -> None:
         shutil.rmtree(self._folder / name)

@@ -30,6 +30,7 @@ EXPECTED = {
     "stdout": "",
     "close": "E_WORKER_CRASH",
 }
+HEALTHY = 20
 COMMON = ("--preset", "paper", "--kernel", "numpy", "--workers", "2")
 
 
@@ -48,6 +49,9 @@ def rows(text: str) -> dict[str, dict]:
 def test_every_trap_costs_one_row(drawn: DemoArchive, site: Path, tmp_path: Path) -> None:
     source = tmp_path / "source"
     shutil.copytree(drawn.video_keypoints, source)
+    for number in range(HEALTHY - 12):
+        shutil.copytree(drawn.video_keypoints / "clip_01", source / f"again_{number}")
+        (source / f"again_{number}" / f"clip_01_{number:012d}_keypoints.json").unlink()
     limits = ("--set", "limits.seconds=10", "--set", "limits.memory=700")
     examples = ("--examples", drawn.example_keypoints)
     clean = gesture("classify", source, *examples, "--out", tmp_path / "clean", *COMMON, *limits, path=site)
@@ -56,7 +60,7 @@ def test_every_trap_costs_one_row(drawn: DemoArchive, site: Path, tmp_path: Path
     done = gesture("classify", source, *examples, "--out", tmp_path / "run", *COMMON, *limits, path=site)
     assert done.returncode == 3, done.stderr
     found = rows(done.stdout)
-    assert len(found) == 12 + len(EXPECTED)
+    assert len(found) == HEALTHY + len(EXPECTED)
     for name, code in EXPECTED.items():
         row = found.pop(f"{name}.trap")
         assert row["code"] == code or (name == "stdout" and row["status"] in ("ok", "rejected")), row

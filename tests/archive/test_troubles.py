@@ -25,7 +25,7 @@ CHAIN_POISONS = {
     ("filter", "nan"): "E_SIGNAL_VALUE",
     ("selector", "nan"): "E_PLUGIN_CONTRACT",
     ("kernel", "nan"): "E_PLUGIN_CONTRACT",
-    ("kernel", "unprintable"): CRASH,
+    ("kernel", "unprintable"): "E_PLUGIN_RAISED",
 }
 POSE_POISONS = {**DEATHS, "hang": HANG, "raise": "E_PLUGIN_RAISED", "shape": "E_", "none": "E_PLUGIN_RAISED"}
 READER_POISONS = {
