@@ -29,7 +29,7 @@ from gesture_core.errors import GestureError
 from gesture_core.media.reader import open_video
 from gesture_core.paths import cache_dir
 from gesture_core.plugin import registry
-from gesture_core.pose.extract import extract_poses
+from gesture_core.pose.extract import REVISION, extract_poses
 from gesture_core.pose.letterbox import Letterbox, input_size, to_batch
 from gesture_core.pose.models import find_model
 from gesture_core.pose.network import NetworkBackend
@@ -74,7 +74,7 @@ class Extractor:
             if self.following
             else "still"
         )
-        self.folder = cache / f"{found.name}-{found.sha256[:12]}-{code}"
+        self.folder = cache / f"{found.name}-{found.sha256[:12]}-{code}-{REVISION}"
 
     @property
     def following(self) -> bool:
