@@ -99,6 +99,90 @@ class VideoReader:
     def _check_limits(self, time: float) -> None:
         limits = self._limits
         if self._read >= limits.max_frames:
+            cause = f"holds more than {limits.max_frames} frames"
+            remedy = "--set limits.frames=… with a larger figure, or cut the video"
+        elif time > limits.max_seconds:
+            cause = f"is longer than {limits.max_seconds:g} s"
+            remedy = "cut the video, or from Python a larger Limits.max_seconds"
+        else:
+            return
+        raise MediaError(
+            cause,
+            subject=self._subject,
+            kept=f"{self._read} frames",
+            remedy=remedy,
+            code="E_MEDIA_LIMIT",
+        )
+
+    def close(self) -> None: ...
+
+
+class VideoReader:
+    """The frames of one video, upright, at real times. A context manager; iterate it once.
+
+    Iterating yields ``(time, frame)``: seconds from the start of the stream, never decreasing, and
+    (H, W, 3) uint8 in BGR. Every frame has the size that `info` states: where a stream changes its
+    size half-way, later frames are scaled into the first size, and the report says so.
+
+    Attributes
+    ----------
+    info : MediaInfo
+        Known as soon as the reader is open.
+    report : MediaReport
+        What was read so far; after the last frame, whether that was all.
+    """
+
+    def __init__(
+        self, file: BinaryIO, source: FrameSource, subject: str, limits: Limits, ledger: Ledger
+    ) -> None:
+        self._file = file
+        self._source = source
+        self._subject = subject
+        self._limits = limits
+        self._ledger = ledger
+        self._read = 0
+        self._state: Literal["new", "running", "ended"] = "new"
+        self.info = source.info
+
+    @property
+    def report(self) -> MediaReport:
+        """The account of what was read so far."""
+        notes = self._ledger.clauses()
+        if self._state != "ended":
+            notes += ("not read to its end",)
+        return MediaReport(
+            frames_declared=self.info.frames_declared,
+            frames_read=self._read,
+            damaged=self._ledger.damaged,
+            complete=self._state == "ended" and self._ledger.damaged == 0,
+            notes=notes,
+            reader=self.info.reader,
+        )
+
+    def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
+        if self._state != "new":
+            raise MediaError("its reader was already used", subject=self._subject, remedy="open it again")
+        self._state = "running"
+        from gesture_core.media.upright import fit, upright
+
+        info = self.info
+        clock = Clock(info.fps, self._ledger)
+        for stamp, stored in self._source:
+            time = clock.at(stamp)
+            self._check_limits(time)
+            frame = upright(stored, info.rotation, info.mirrored)
+            if frame.shape[:2] != (info.height, info.width):
+                self._ledger.note(
+                    f"picture of {frame.shape[1]} x {frame.shape[0]} scaled into {info.width} x {info.height}"
+                )
+                frame = fit(frame, info.width, info.height)
+            self._read += 1
+            yield time, frame
+        self._state = "ended"
+
+    def _check_limits(self, time: float) -> None:
+        limits = self._limits
+        if self._read >= limits.max_frames:
             cause, remedy = (
                 f"holds more than {limits.max_frames} frames",
                 "--set limits.frames=… with a larger figure",
