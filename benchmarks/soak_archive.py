@@ -28,16 +28,24 @@ def archive(folder: Path, count: int, seed: int) -> int:
         path = folder / "videos" / f"{number // 1000:03d}" / f"{number:06d}.avi"
         write_video(path, _WIDTH, 8 + (number * 7 + seed) % 40, number % 2 == 0, number)
     started = time.monotonic()
-    done = subprocess.run(
-        [sys.executable, str(TESTS / "archive" / "many_videos.py"), folder / "videos", folder / "examples",
-         folder / "run"],
+    script = [sys.executable, str(TESTS / "archive" / "many_videos.py"), folder / "videos"]
+    run = subprocess.Popen(
+        [*script, folder / "examples", folder / "run"],
         env={**with_site(site), "GESTURE_CACHE": str(folder / "cache")},
-        stdout=subprocess.PIPE, text=True, check=True,
-    )  # fmt: skip
-    *marks, last = done.stdout.splitlines()
-    held = {int(rows): int(mib) for rows, mib in (mark.split() for mark in marks)}
-    for rows, mib in held.items():
-        print(f"{rows:>8} rows: parent {mib} MiB")
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    held: dict[int, int] = {}
+    last = ""
+    assert run.stdout is not None
+    for line in run.stdout:
+        last = line.strip()
+        if "," not in last:
+            rows, mib = map(int, last.split())
+            held[rows] = mib
+            print(f"{rows:>8} rows: parent {mib} MiB", flush=True)
+    if run.wait() != 0:
+        return 1
     first = min(rows for rows in held if rows >= count // 10)
     growth = held[max(held)] - held[first]
     print(f"{last}; {growth:+d} MiB from row {first} to row {max(held)}; {time.monotonic() - started:.0f} s")

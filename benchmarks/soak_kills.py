@@ -13,6 +13,7 @@ from pathlib import Path
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 _INPUTS = 6
 _SHARE_WITH_WORKERS = 40
+_RUNS_BETWEEN_LINES = 20
 
 
 def kills(folder: Path, count: int, seed: int) -> int:
@@ -41,6 +42,8 @@ def kills(folder: Path, count: int, seed: int) -> int:
     while points + gone + alone < count:
         alone += victim.at_random(rng)
         runs += 1
+        if runs % _RUNS_BETWEEN_LINES == 0:
+            print(f"{points + gone + alone} kills so far, no difference", flush=True)
     print(f"{alone} kills at random moments of runs in one process")
     spent = time.monotonic() - started
     print(
