@@ -1,27 +1,34 @@
 """How the weights of the preset `modern` were chosen, and what that choice is worth on unseen subjects.
 
-    python benchmarks/choose.py [--shared FOLDER] [--starts 3] [--nested] [--out FILE.toml]
+    python benchmarks/choose.py [--videos FOLDER ...] [--starts 2] [--nested] [--cache FOLDER]
 
-Every candidate channel group (`parts` terms such as ``wrist.energy``) gets a matrix of warping
-distances of its own, once as performed and once mirrored. The weighted sum of these matrices stands
-in for one warping over all channels together; it costs nothing to evaluate, so the weights can be
-searched: from random starts, one weight at a time is multiplied, divided or set to zero, and kept
-where the loss falls. The loss is that of a soft nearest neighbour (Goldberger et al. 2005) under
-leave-one-subject-out, summed over the data sets, with a small price for each group that is used.
+Every candidate (`parts` terms such as ``wrist.energy``) gets a matrix of warping distances of its
+own, once as performed and once mirrored, and the size of every sequence. The preset's distance is
+the weighted sum of the matrices over the geometric mean of the weighted sizes, so it can be had for
+any weights without another warping, and its gradient too. The loss is that of a soft nearest
+neighbour (Goldberger et al. 2005): under leave-one-subject-out, summed over the data sets and their
+groups of classes, and with one example a class from a single subject. A penalty on the roots of the
+weights takes candidates out. Adam (Kingma and Ba 2015) descends from random starts; the lowest loss
+wins. ``--videos`` adds body_gesture as networks see it (folders of benchmarks/videos.py).
 
-``--nested`` repeats the whole search for each subject of each data set with that subject taken out,
-and tests the weights on it: the honest estimate beside the figures of the one preset, which has seen
-all subjects. `transfer` leaves out utd_openpose as a whole.
+``--nested`` repeats the whole descent for each subject of each data set with that subject taken out
+of all versions of it, and tests the weights on it: the honest estimate beside the figures of the one
+preset, which has seen all subjects. Needs torch.
 """
 
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from choose_tests import tested
 from datasets import Item, arguments, body_gesture, pose_trainer, utd_openpose, utd_skeleton
+from videos import with_videos
 
 from gesture_core.classify.comparison import compare
 from gesture_core.settings import load_settings
@@ -29,234 +36,251 @@ from gesture_core.signals.chain import Chain
 from gesture_core.signals.mirror import mirrored
 
 TERMS = (
-    "wrist", "wrist@0.5", "elbow@1", "shoulder@1", "nose@0.5", "hip@1", "knee@1", "ankle@1",
-    "forearm@0.5", "forearm@1", "upper_arm@0.5", "arm@0.5",
-    "forearm.direction", "upper_arm.direction",
-    "wrist.velocity", "forearm.velocity", "wrist.energy", "forearm.energy", "forearm.turning",
+    "wrist", "wrist@0.5", "elbow@0.5", "elbow@1", "shoulder@1", "nose@0.5", "hip@1", "knee@1", "ankle@1",
+    "forearm", "forearm@0.5", "upper_arm@0.5", "arm@0.5", "hands",
+    "forearm.direction", "upper_arm.direction", "arm.bend",
+    "wrist.velocity", "forearm.velocity", "wrist.energy", "forearm.energy", "hands.energy",
+    "wrist.spread", "forearm.turning",
 )  # fmt: skip
-PRICE = 0.004
+PENALTY = 0.04
 SHARPNESS = 12.0
 DONOR = 3.0
+VIDEOS = 0.5
+STEPS = 100
+LARGE = 300
+SMALLEST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """One data set: its items and, for each term, distances as performed and mirrored."""
+    """One data set: its items and, for each term, distances as performed and mirrored, and sizes."""
 
     name: str
     labels: np.ndarray
     subjects: np.ndarray
     groups: np.ndarray
+    names: np.ndarray
+    frames: np.ndarray
     same: np.ndarray
     other: np.ndarray
+    sizes: np.ndarray
 
     def take(self, kept: np.ndarray) -> Problem:
         """The problem among the items in ``kept``."""
-        where = np.ix_(np.arange(len(self.same)), kept, kept)
-        return replace(
-            self,
-            labels=self.labels[kept],
-            subjects=self.subjects[kept],
-            groups=self.groups[kept],
-            same=self.same[where],
-            other=self.other[where],
-        )
+        matrices = {key: getattr(self, key)[:, kept][:, :, kept] for key in ("same", "other")}
+        facts = {k: getattr(self, k)[kept] for k in ("labels", "subjects", "groups", "names", "frames")}
+        return replace(self, sizes=self.sizes[:, kept], **facts, **matrices)
+
+    def without(self, subject: str) -> Problem:
+        """The problem as if ``subject`` had never been recorded."""
+        return self.take(np.flatnonzero(self.subjects != subject))
+
+    @cached_property
+    def codes(self) -> np.ndarray:
+        """(N,) class of each item."""
+        return np.unique(self.labels, return_inverse=True)[1]
+
+    @cached_property
+    def tensors(self) -> tuple[Any, ...]:
+        """Pairs above the diagonal (the matrices are symmetric), and the place of each pair of items."""
+        import torch
+
+        n = len(self.labels)
+        upper = np.triu_indices(n, 1)
+        where = np.zeros((n, n), np.int64)
+        where[upper] = np.arange(len(upper[0]))
+        where = np.maximum(where, where.T)
+        pairs = [torch.tensor(np.ascontiguousarray(m[:, *upper].T)) for m in (self.same, self.other)]
+        return *pairs, torch.tensor(where), torch.tensor(self.sizes), torch.tensor(np.float32(self.frames))
+
+    def distances(self, weights: Any, mirror: Any, rest: Any) -> Any:
+        """(N, N) distances under torch ``weights``."""
+        import torch
+
+        same, other, where, sizes, frames = self.tensors
+        nearer = torch.minimum(same @ weights, (other @ weights) * mirror)[where]
+        size = weights @ sizes
+        size = size + rest * frames * size.detach().median() / frames.median()
+        return nearer / torch.sqrt(size[:, None] * size[None])
+
+    @cached_property
+    def donors(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Queries and examples: one trial a class of each subject, up to four trials in turn."""
+        found = []
+        for subject in np.unique(self.subjects):
+            members = [
+                np.flatnonzero((self.subjects == subject) & (self.codes == c)) for c in np.unique(self.codes)
+            ]
+            members = [m for m in members if len(m)]
+            for trial in range(max(len(m) for m in members)):
+                examples = np.array([m[trial % len(m)] for m in members])
+                known = np.isin(self.codes, self.codes[examples])
+                found.append((np.flatnonzero((self.subjects != subject) & known), examples))
+        return found
 
 
-@dataclass(eq=False)
-class State:
-    """Weights with the sums of matrices that belong to them, updated one weight at a time."""
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """What a search found: a weight for each term, the price of a mirror, the size of a frame at rest."""
 
-    problems: list[Problem]
     weights: np.ndarray
     mirror: float
-    same: list[np.ndarray] = field(default_factory=list)
-    other: list[np.ndarray] = field(default_factory=list)
+    rest: float
+    loss: float
 
-    def __post_init__(self) -> None:
-        self.same = [np.tensordot(self.weights, p.same, 1) for p in self.problems]
-        self.other = [np.tensordot(self.weights, p.other, 1) for p in self.problems]
+    def distances(self, problem: Problem) -> np.ndarray:
+        """(N, N) distances."""
+        import torch
 
-    def loss(self, term: int = 0, change: float = 0.0, mirror: float = 0.0) -> float:
-        """The loss with one weight changed and another mirror factor, both tentative."""
-        total = 0.0
-        for problem, same, other in zip(self.problems, self.same, self.other, strict=True):
-            step = np.float32(change)
-            reached = (other + step * problem.other[term]) * np.float32(mirror or self.mirror)
-            total += problem_loss(problem, np.minimum(same + step * problem.same[term], reached))
-        used = int((self.weights > 0).sum())
-        used += int(self.weights[term] + change > 0) - int(self.weights[term] > 0)
-        return total + PRICE * used
-
-    def change(self, term: int, change: float) -> None:
-        """Make a change of one weight."""
-        self.weights[term] += change
-        for index, problem in enumerate(self.problems):
-            self.same[index] = self.same[index] + np.float32(change) * problem.same[term]
-            self.other[index] = self.other[index] + np.float32(change) * problem.other[term]
+        with torch.no_grad():
+            found = problem.distances(torch.tensor(self.weights), self.mirror, self.rest)
+        return found.numpy().astype(np.float64)
 
 
-def problem_loss(problem: Problem, distances: np.ndarray) -> float:
+def problem_loss(problem: Problem, distances: Any) -> Any:
     """Soft nearest-neighbour loss of one data set: of all items, of each group, of single donors."""
-    strangers = problem.subjects[:, None] != problem.subjects[None]
-    apart = np.where(strangers, distances, np.float32(1e9))
-    if problem.name == "utd_openpose":
-        return 0.5 * soft_loss(apart, problem.labels) + DONOR * donor_loss(problem, distances)
-    total = soft_loss(apart, problem.labels)
+    import torch
+
+    strangers = torch.tensor(problem.subjects[:, None] != problem.subjects[None])
+    apart = torch.where(strangers, distances, torch.tensor(1e9))
+    total = soft_loss(apart, problem.codes, problem.codes)
     groups = np.unique(problem.groups)
-    if len(groups) > 1:
-        for group in groups:
-            own = np.flatnonzero(problem.groups == group)
-            total += soft_loss(apart[np.ix_(own, own)], problem.labels[own])
-    return total
+    for group in groups if len(groups) > 1 else ():
+        own = np.flatnonzero(problem.groups == group)
+        total = total + soft_loss(apart[own][:, own], problem.codes[own], problem.codes[own])
+    if problem.name.startswith("utd"):
+        losses = [
+            soft_loss(distances[q][:, e], problem.codes[q], problem.codes[e]) for q, e in problem.donors
+        ]
+        total = total + (DONOR if problem.name == "utd_openpose" else 1.0) * torch.stack(losses).mean()
+    return total * {"pose_trainer": 0.3}.get(problem.name, VIDEOS if "," in problem.name else 1.0)
 
 
-def soft_loss(distances: np.ndarray, labels: np.ndarray) -> float:
-    """Mean of 1 - p(own class), p falling with the power `SHARPNESS` of the distance; labels sorted."""
-    _, starts, codes = np.unique(labels, return_index=True, return_inverse=True)
-    return chances(np.minimum.reduceat(distances, starts, axis=1), codes)
+def soft_loss(distances: Any, queries: np.ndarray, examples: np.ndarray) -> Any:
+    """Mean of 1 - p(own class), p falling with the power `SHARPNESS` of the distance to each class."""
+    import torch
+
+    classes, codes = np.unique(examples, return_inverse=True)
+    to = torch.tensor(codes)[None].expand(len(queries), -1)
+    nearest = torch.full((len(queries), len(classes)), torch.inf).scatter_reduce(1, to, distances, "amin")
+    chances = torch.softmax(-SHARPNESS * torch.log(nearest.clamp_min(1e-12)), dim=1)
+    own = torch.tensor(np.searchsorted(classes, queries))
+    return 1 - chances[torch.arange(len(queries)), own].mean()
 
 
-def chances(nearest: np.ndarray, codes: np.ndarray) -> float:
-    """The same from the (Q, C) distances to each class."""
-    power = -SHARPNESS * np.log(np.maximum(nearest, 1e-9))
-    power = np.exp(power - power.max(axis=1, keepdims=True))
-    return float(1 - (power[np.arange(len(codes)), codes] / power.sum(axis=1)).mean())
+def search(problems: list[Problem], starts: int) -> Choice:
+    """The choice of the lowest loss of several starts."""
+    thin = [p.take(np.arange(0, len(p.labels), 2)) if len(p.labels) > LARGE else p for p in problems]
+    found = [descend(thin, seed) for seed in range(starts)]
+    return min(found, key=lambda choice: choice.loss)
 
 
-def donor_loss(problem: Problem, distances: np.ndarray) -> float:
-    """Mean over subjects of the loss when only that subject's trials are examples, averaged in a class."""
-    classes, codes = np.unique(problem.labels, return_inverse=True)
-    losses = []
-    for subject in np.unique(problem.subjects):
-        own = problem.subjects == subject
-        members = [np.flatnonzero(own & (problem.labels == label)) for label in classes]
-        if all(len(m) for m in members) and not own.all():
-            means = np.stack([distances[np.ix_(~own, m)].mean(axis=1) for m in members], axis=1)
-            losses.append(chances(means, codes[~own]))
-    return float(np.mean(losses)) if losses else 0.0
+def descend(problems: list[Problem], seed: int) -> Choice:
+    """One descent on the logarithms of the weights."""
+    import torch
+
+    # Terms differ in their unit; a weight of one means the same share of the distance for each.
+    unit = torch.stack([torch.stack([p.tensors[0][:, t].median() for p in problems]).mean() for t in each()])
+    random = torch.Generator().manual_seed(seed)
+    weights = torch.log(torch.rand(len(TERMS), generator=random) * 0.3 + 0.05).requires_grad_()
+    price, rest = torch.tensor(-1.5, requires_grad=True), torch.tensor(-3.9, requires_grad=True)
+    adam = torch.optim.Adam([{"params": [weights]}, {"params": [price, rest], "lr": 0.05}], lr=0.08)
+    for _ in range(STEPS):
+        adam.zero_grad()
+        shares = torch.softmax(weights, dim=0)
+        mirror, still = 1 + torch.exp(price), torch.exp(rest)
+        loss = PENALTY * torch.sqrt(shares + 1e-5).sum()
+        for problem in problems:
+            loss = loss + problem_loss(problem, problem.distances(shares / unit, mirror, still))
+        loss.backward()
+        adam.step()
+    with torch.no_grad():
+        shares = torch.softmax(weights, dim=0)
+        shares = torch.where(shares < SMALLEST, 0.0, shares) / unit
+    return Choice((shares / shares.max()).numpy(), *(float(value.detach()) for value in (mirror, still, loss)))
 
 
-def kept(folder: Path | None, name: str) -> Problem | None:
-    """A problem whose matrices an earlier run left in ``folder``."""
+def each() -> range:
+    """The terms' indices."""
+    return range(len(TERMS))
+
+
+def load(name: str, read: Callable[[], list[Item]], kernel: str, folder: Path | None) -> Problem:
+    """Distances and sizes of every term on one data set, kept in ``folder`` where one is given."""
     path = folder / f"{name}.npz" if folder else None
-    if path is None or not path.is_file():
-        return None
-    with np.load(path, allow_pickle=False) as found:
-        return Problem(name, *(found[key] for key in ("labels", "subjects", "groups", "same", "other")))
-
-
-def load(name: str, items: list[Item], kernel: str, folder: Path | None = None) -> Problem:
-    """Distances of every term on one data set, kept in ``folder`` where one is given."""
-    items = sorted(items, key=lambda item: item.label)
-    modern = load_settings("modern", signals__selector="all")
-    same, other = [], []
+    fields = ("labels", "subjects", "groups", "names", "frames", "same", "other", "sizes")
+    if path is not None and path.is_file():
+        with np.load(path, allow_pickle=False) as archive:
+            return Problem(name, *(archive[key] for key in fields))
+    items = read()
+    facts = [
+        np.array([getattr(item, key) for item in items]) for key in ("label", "subject", "group", "name")
+    ]
+    same, other, sizes = [], [], []
     for term in TERMS:
-        options = {**modern.options, "parts": {"weights": {term: 1.0}}}
-        settings = replace(modern, options=options, dtw=modern.dtw.replace(reduce="sum"))
-        settings = replace(settings, classify=replace(settings.classify, coverage=False, mirror=None))
-        settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
-        chain = replace(Chain.from_settings(settings), allow_still=True)
-        signals = chain.all(item.pose for item in items)
-        found = compare(signals, [*signals, *map(mirrored, signals)], settings)
+        modern = load_settings("modern", signals__selector="all", classify__kernel=kernel)
+        modern = replace(modern, options={**modern.options, "parts": {"weights": {term: 1.0}}})
+        plain = {"coverage": False, "mirror": None, "relative": None, "separate": False}
+        modern = replace(modern, classify=replace(modern.classify, **plain))
+        signals = replace(Chain.from_settings(modern), allow_still=True).all(item.pose for item in items)
+        found = compare(signals, [*signals, *map(mirrored, signals)], modern)
         # A pair that lacks the joint is as far as pairs of this term usually are.
         found = np.where(np.isfinite(found), found, np.median(found[np.isfinite(found)]))
         same.append(found[:, : len(items)])
         other.append(found[:, len(items) :])
-    facts = [np.array([getattr(item, key) for item in items]) for key in ("label", "subject", "group")]
-    problem = Problem(name, *facts, np.float32(same), np.float32(other))
-    if folder:
-        folder.mkdir(parents=True, exist_ok=True)
-        arrays = {key: getattr(problem, key) for key in ("labels", "subjects", "groups", "same", "other")}
-        np.savez(folder / f"{name}.npz", **arrays)
+        sizes.append([float(np.square(s.values, dtype=np.float64).sum()) for s in signals])
+    frames = np.array([len(s) for s in signals])
+    problem = Problem(name, *facts, frames, np.float32(same), np.float32(other), np.float32(sizes))
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(path, **{key: getattr(problem, key) for key in fields})
     return problem
 
 
-def search(problems: list[Problem], starts: int) -> tuple[np.ndarray, float, float]:
-    """The best weights of several starts, their mirror factor and loss."""
-    best = None
-    for seed in range(starts):
-        random = np.random.default_rng(seed)
-        state = State(problems, np.float32(random.uniform(0.05, 0.4, len(TERMS))), 1.2)
-        loss, step = state.loss(), 4.0
-        for _ in range(5):
-            for term in random.permutation(len(TERMS)):
-                weight = float(state.weights[term])
-                tries = [weight * step, weight / step, 0.0] if weight else [0.05 * float(state.weights.max())]
-                for target in tries:
-                    change = target - float(state.weights[term])
-                    if change and (found := state.loss(term, change)) < loss - 1e-4:
-                        state.change(term, change)
-                        loss = found
-                        break
-            for factor in (state.mirror * 1.1, state.mirror / 1.1):
-                if factor >= 1 and (found := state.loss(mirror=factor)) < loss - 1e-4:
-                    state.mirror, loss = factor, found
-            step = 1 + (step - 1) / 1.7
-        if best is None or loss < best[2]:
-            best = (state.weights / state.weights.max(), state.mirror, loss)
-    assert best is not None
-    return best
-
-
-def nearest_labels(problem: Problem, weights: np.ndarray, mirror: float) -> np.ndarray:
-    """(N, N) distances under ``weights``."""
-    same, other = np.tensordot(weights, problem.same, 1), np.tensordot(weights, problem.other, 1)
-    return np.minimum(same, mirror * other)
-
-
-def tested(problem: Problem, subject: str, weights: np.ndarray, mirror: float) -> dict[str, list[bool]]:
-    """Whether each item of ``subject`` is recognised from all others, overall and in each group."""
-    distances = nearest_labels(problem, weights, mirror)
-    out = {}
-    for group in ("", *np.unique(problem.groups)):
-        there = np.ones(len(problem.labels), bool) if not group else problem.groups == group
-        queries = np.flatnonzero((problem.subjects == subject) & there)
-        examples = np.flatnonzero((problem.subjects != subject) & there)
-        near = examples[distances[np.ix_(queries, examples)].argmin(axis=1)]
-        out[str(group) or "all"] = list(problem.labels[near] == problem.labels[queries])
-    return out
-
-
-def as_toml(weights: np.ndarray, mirror: float) -> str:
-    """The tables of the preset that the search decides."""
-    lines = [f"mirror = {max(mirror, 1):.2f}", "", "[options.parts.weights]"]
-    order = np.argsort(-weights)
-    return "\n".join(lines + [f'"{TERMS[i]}" = {weights[i]:.3g}' for i in order if weights[i] > 0])
+def as_toml(choice: Choice, problems: list[Problem]) -> str:
+    """The values of the preset that the search decides."""
+    sizes = [np.median(choice.weights @ p.sizes) / np.median(p.frames) for p in problems]
+    rest = choice.rest * float(np.exp(np.mean(np.log(sizes))))
+    lines = [f"mirror = {choice.mirror:.2f}", f"rest = {rest:.2g}", "", "[options.parts.weights]"]
+    order = np.argsort(-choice.weights)
+    return "\n".join(
+        lines + [f'"{TERMS[i]}" = {choice.weights[i]:.3g}' for i in order if choice.weights[i] > 0]
+    )
 
 
 def main() -> int:
-    """Search, print the preset's weights, and test the choice on subjects that it has not seen."""
+    """Search, print the preset's values, and test the choice on subjects that it has not seen."""
     parser = arguments(__doc__.splitlines()[0])
-    parser.add_argument("--starts", type=int, default=3)
+    parser.add_argument("--starts", type=int, default=2)
     parser.add_argument("--kernel", default="auto")
+    parser.add_argument("--videos", nargs="+", type=Path, default=[], help="folders of benchmarks/videos.py")
     parser.add_argument("--nested", action="store_true", help="repeat the search without each subject")
     parser.add_argument("--cache", type=Path, help="folder of your own that keeps the matrices")
     given = parser.parse_args()
-    readers = {"utd_openpose": utd_openpose, "utd_skeleton": utd_skeleton}
-    readers |= {"body_gesture": body_gesture, "pose_trainer": pose_trainer}
-    sources = {name: read(given.shared) for name, read in readers.items()}
-    problems = [
-        kept(given.cache, name) or load(name, items, given.kernel, given.cache)
-        for name, items in sources.items()
-    ]
-    weights, mirror, loss = search(problems, given.starts)
-    print(f"loss {loss:.4f}\n{as_toml(weights, mirror)}\n", flush=True)
+    sources: dict[str, Callable[[], list[Item]]] = {
+        read.__name__: lambda read=read: read(given.shared)  # type: ignore[misc]
+        for read in (utd_openpose, utd_skeleton, body_gesture, pose_trainer)
+    }
+    for folder in given.videos:
+        sources[f"body_gesture, {folder.name}"] = lambda folder=folder: with_videos(  # type: ignore[misc]
+            body_gesture(given.shared), folder
+        )
+    problems = [load(name, read, given.kernel, given.cache) for name, read in sources.items()]
+    choice = search(problems, given.starts)
+    print(f"loss {choice.loss:.4f}\n{as_toml(choice, problems)}\n", flush=True)
     if not given.nested:
         return 0
-    rest = [p for p in problems if p.name != "utd_openpose"]
-    weights, mirror, _ = search(rest, given.starts)
-    print(f"without utd_openpose:\n{as_toml(weights, mirror)}\n", flush=True)
-    for problem in problems[:3]:
+    for family in ("utd_openpose", "utd_skeleton", "body_gesture"):
+        own = [p for p in problems if p.name.startswith(family)]
         right: dict[str, list[bool]] = {}
-        for subject in np.unique(problem.subjects):
-            without = problem.take(np.flatnonzero(problem.subjects != subject))
-            others = [p for p in problems if p is not problem]
-            weights, mirror, _ = search([*others, without], given.starts)
-            for group, hits in tested(problem, subject, weights, mirror).items():
-                right.setdefault(group, []).extend(hits)
-        shares = "  ".join(f"{g} {sum(h)}/{len(h)} {100 * np.mean(h):.1f} %" for g, h in right.items())
-        print(f"nested, {problem.name}: {shares}", flush=True)
+        for subject in np.unique(own[0].subjects):
+            seen = [p.without(subject) if p in own else p for p in problems]
+            choice = search(seen, given.starts)
+            for problem in own:
+                for row, hits in tested(problem, subject, choice.distances(problem)).items():
+                    right.setdefault(row, []).extend(hits)
+        for row, hits in right.items():
+            print(f"nested, {row}: {sum(hits)}/{len(hits)} {100 * np.mean(hits):.1f} %", flush=True)
     return 0
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gesture_core.classify.common import common_share
-from gesture_core.classify.relative import divided, pair_sizes
+from gesture_core.classify.relative import divided, pair_sizes, size_shares
 from gesture_core.classify.separate import separate_distances
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.signals.mirror import mirrored
@@ -31,7 +31,7 @@ def compare(
     ``classify.coverage``, a distance rests on less where one of the two lacks channels that the
     other has, and is divided by the share of common channels. With ``classify.separate``, it is the
     sum of one warping for each body part; with ``classify.relative``, it is measured by the size of
-    the two sequences.
+    the two sequences, and so is the share of what they have in common.
 
     Parameters
     ----------
@@ -72,10 +72,12 @@ def pair_factors(queries: Sequence[Signals], examples: Sequence[Signals], settin
     """(Q, N) what the warping distance of each pair is divided by; zero where it means nothing."""
     chosen = settings.classify
     by = np.ones((len(queries), len(examples)))
-    if chosen.coverage:
-        by = common_share(queries, examples)
     if chosen.relative is not None:
-        by = by * pair_sizes(queries, examples, chosen.rest) ** chosen.relative
+        by = pair_sizes(queries, examples, chosen.rest) ** chosen.relative
+    if chosen.coverage and chosen.relative is not None:
+        by = by * size_shares(queries, examples, chosen.rest)
+    elif chosen.coverage:
+        by = common_share(queries, examples)
     return by
 
 

@@ -40,6 +40,21 @@ def pair_sizes(queries: Sequence[Signals], examples: Sequence[Signals], rest: fl
     return np.sqrt(np.maximum(size_q, 0) * np.maximum(size_e, 0))
 
 
+def size_shares(queries: Sequence[Signals], examples: Sequence[Signals], rest: float = 0.0) -> np.ndarray:
+    """Share of both sizes that lies in the channels that a pair is compared on.
+
+    Missing legs then weigh little in a gesture of the hands, and much in a lunge.
+
+    Returns
+    -------
+    (Q, N) float64
+        Geometric mean of the two shares, 0 to 1.
+    """
+    whole = np.sqrt(np.outer(_whole(queries, rest), _whole(examples, rest)))
+    common = pair_sizes(queries, examples, rest)
+    return np.divide(common, whole, out=np.zeros_like(common), where=whole > 0)
+
+
 def divided(distances: np.ndarray, by: np.ndarray) -> np.ndarray:
     """``distances / by``; infinity where there is nothing to divide by, and no distance above zero."""
     out = np.where(distances > 0, np.inf, 0.0)
@@ -49,6 +64,11 @@ def divided(distances: np.ndarray, by: np.ndarray) -> np.ndarray:
 def _squares(series: Sequence[Signals]) -> np.ndarray:
     """(B, D) sums of squares over the frames."""
     return np.array([np.einsum("td,td->d", item.values, item.values, dtype=np.float64) for item in series])
+
+
+def _whole(series: Sequence[Signals], rest: float) -> np.ndarray:
+    """(B,) size over all channels that are present."""
+    return _squares(series).sum(axis=1) + rest * _frames(series)
 
 
 def _frames(series: Sequence[Signals]) -> np.ndarray:

@@ -161,7 +161,8 @@ def test_a_distance_on_half_of_the_channels_counts_double() -> None:
     whole = Signals(np.zeros((4, 2)), np.arange(4), ("right_wrist_x", "left_wrist_x"))
     half = Signals(np.ones((4, 2)), np.arange(4), whole.channels, present=np.array([True, False]))
     assert common_share([whole], [half]).tolist() == [[0.5]]
-    on, off = with_classify(coverage=True, mirror=None), with_classify(coverage=False, mirror=None)
+    plain = {"mirror": None, "relative": None}
+    on, off = with_classify(coverage=True, **plain), with_classify(coverage=False, **plain)
     assert compare([whole], [half], on)[0, 0] == 2 * compare([whole], [half], off)[0, 0]
     other = replace(whole, present=np.array([False, True]))
     assert compare([other], [half], on)[0, 0] == np.inf

@@ -13,6 +13,7 @@ from gesture_core.errors import SignalError
 from gesture_core.plugin import registry
 from gesture_core.settings import load_settings
 from gesture_core.signals.chain import CHANNELS, Chain
+from gesture_core.signals.mirror import mirrored
 from gesture_core.types import Signals
 
 
@@ -117,6 +118,27 @@ def test_energy_does_not_depend_on_the_phase_of_a_wave() -> None:
     assert np.ptp(found) < 0.15 * np.mean(found)
 
 
+def test_the_elbow_bends() -> None:
+    points = standing(5)
+    points[:, J["right_wrist"]] = 2 * points[:, J["right_elbow"]] - points[:, J["right_shoulder"]]
+    upper = points[:, J["left_elbow"]] - points[:, J["left_shoulder"]]
+    points[:, J["left_wrist"]] = points[:, J["left_elbow"]] + upper[:, ::-1] * (-1, 1)
+    found = make("parts", weights={"arm.bend": 1.0}).apply(body_signals(points))
+    assert found.channels[:2] == ("right_arm_x.bend", "right_arm_y.bend")
+    np.testing.assert_allclose(found.values[0], [0, 1, 1, 0], atol=1e-5)
+
+
+def test_a_mirror_does_the_same_before_and_after_parts() -> None:
+    kinds = ("", ".direction", ".velocity", ".energy", ".spread", ".turning")
+    names = [f"{part}{kind}" for part in ("wrist", "forearm", "hands") for kind in kinds]
+    step = make("parts", weights=dict.fromkeys([*names, "arm.bend", "nose@0.5"], 1.0))
+    points = waving("right_wrist", 2) + np.random.default_rng(0).normal(0, 3, (1, 18, 2))
+    signals = body_signals(points)
+    one, other = mirrored(step.apply(signals)), step.apply(mirrored(signals))
+    assert one.channels == other.channels
+    np.testing.assert_allclose(one.values, other.values, atol=1e-5)
+
+
 @given(st.integers(20, 201))
 @settings(max_examples=20, deadline=None)
 def test_parts_do_not_depend_on_the_frame_rate_after_resampling(frames: int) -> None:
@@ -143,7 +165,9 @@ def test_parts_need_the_joints_channels() -> None:
     assert caught.value.code == "E_SIGNAL_CHANNELS"
 
 
-@pytest.mark.parametrize("text", ["wing", "wrist.colour", "wrist@2", "wrist@", "wrist energy", ""])
+@pytest.mark.parametrize(
+    "text", ["wing", "wrist.colour", "wrist@2", "wrist@", "wrist energy", "wrist.bend", ""]
+)
 def test_unknown_parts_are_refused(text: str) -> None:
     from gesture_core.errors import ConfigError
 
