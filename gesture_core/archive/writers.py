@@ -12,7 +12,8 @@ from typing import Any
 
 from gesture_core.archive.atomic import replacing
 
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""What a cell begins with that a spreadsheet may run: the list of OWASP, "CSV Injection"."""
 
 
 class CsvWriter:

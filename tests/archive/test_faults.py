@@ -15,13 +15,17 @@ import pytest
 from distributions import gesture, make_distribution
 from troubles import write_archive, write_clip
 
+from gesture_core import classify_archive
 from gesture_core.archive.atomic import TEMPORARY
 from gesture_core.archive.discovery import discover
 from gesture_core.archive.journal import open_journal
 from gesture_core.archive.lock import run_lock
+from gesture_core.archive.pipeline import run_archive
 from gesture_core.archive.pruning import SPARED_SECONDS, mark_used, prune
 from gesture_core.archive.rows import Row
+from gesture_core.archive.run import RunRequest
 from gesture_core.errors import RunFolderError
+from gesture_core.settings import load_settings
 
 
 def test_folders_may_be_nested_deeper_than_functions(tmp_path: Path) -> None:
@@ -166,6 +170,50 @@ def test_a_dead_holder_leaves_no_lock(tmp_path: Path) -> None:
     assert killed.returncode == -9
     with run_lock(tmp_path):
         pass
+
+
+@pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="a file that answers with EIO is needed")
+def test_an_input_that_fails_below_the_file_system_is_a_row(tmp_path: Path) -> None:
+    write_archive(tmp_path, 2, ())
+    (tmp_path / "videos" / "bad sector.mp4").symlink_to("/proc/self/mem")
+    summary = classify_archive(
+        tmp_path / "videos", tmp_path / "examples", tmp_path / "run", "paper",
+        classify__kernel="numpy",
+    )  # fmt: skip
+    rows = {Path(row.input).name: row for row in summary.rows()}
+    assert len(rows) == 3 and summary.exit_code == 3
+    assert rows["bad sector.mp4"].code == "E_READ"
+    assert os.strerror(errno.EIO) in rows["bad sector.mp4"].message
+
+
+def test_a_store_that_cannot_be_flushed_is_fatal_and_leaves_what_was_committed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_archive(tmp_path, 3, ())
+    monkeypatch.setenv("GESTURE_CACHE", str(tmp_path / "cache"))
+    settings = load_settings("paper", environment={}, classify__kernel="numpy")
+    fsync, calls = os.fsync, 0
+
+    def broken(descriptor: int) -> None:
+        nonlocal calls
+        calls += 1
+        if calls > 7:  # two examples and one input have been flushed, twice each
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        fsync(descriptor)
+
+    def run() -> None:
+        sources, examples = (str(tmp_path / "videos"),), (str(tmp_path / "examples"),)
+        run_archive(RunRequest(sources, tmp_path / "run", settings, examples, engine="inline"))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", broken)
+        with pytest.raises(RunFolderError, match=os.strerror(errno.EIO)) as caught:
+            run()
+    assert caught.value.code == "E_STORE_WRITE" and "every committed row" in str(caught.value)
+    run()
+    with open_journal(tmp_path / "run") as journal:
+        assert [row.status for row in journal.rows()] == ["ok"] * 3
+    assert not list((tmp_path / "cache").rglob(f"*{TEMPORARY}*"))
 
 
 @pytest.fixture

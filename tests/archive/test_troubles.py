@@ -20,7 +20,6 @@ CHAIN_POISONS = {
     **{(kind, trouble): code for kind in STAGES for trouble, code in DEATHS.items()},
     **{(kind, "raise"): "E_PLUGIN" for kind in STAGES},
     **{(kind, "none"): "E_PLUGIN_CONTRACT" for kind in STAGES},
-    ("normalizer", "hang"): HANG,
     ("kernel", "hang"): HANG,
     ("filter", "nan"): "E_SIGNAL_VALUE",
     ("selector", "nan"): "E_PLUGIN_CONTRACT",
