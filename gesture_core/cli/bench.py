@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import os
+import platform
 import time
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from gesture_core.cli.flags import Flags
 from gesture_core.cli.screen import print_table
+from gesture_core.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,8 +27,29 @@ PATIENCE = 2.0
 """Seconds that one run of a kernel may take; slower kernels are timed on fewer queries."""
 
 
-def bench(*sources: str, flags: Flags | None = None, series: int = 100) -> int:
-    """Time every installed distance kernel on this machine.
+@dataclass(frozen=True)
+class Timing:
+    """What a kernel took: the median run, and its largest relative difference from NumPy's distances."""
+
+    kernel: str
+    pairs: int
+    wall_seconds: float
+    cpu_seconds_per_pair: float
+    deviation: float
+
+    def cells(self) -> tuple[str, str, str, str]:
+        """As the table shows it."""
+        wall, each = self.wall_seconds * 1e3, self.cpu_seconds_per_pair * 1e6
+        return f"{self.pairs:,}", f"{wall:.1f}", f"{each:.2f}", f"{self.deviation:.1e}"
+
+
+def bench(
+    *sources: str,
+    flags: Flags | None = None,
+    series: int = 100,
+    out: Annotated[Path | None, Parameter(help="Also write the table to this file, as JSON.")] = None,
+) -> int:
+    """Time every installed distance kernel on this machine, or the one that --kernel names.
 
     Parameters
     ----------
@@ -34,28 +63,48 @@ def bench(*sources: str, flags: Flags | None = None, series: int = 100) -> int:
     from gesture_core.plugin import registry
 
     settings = (flags or Flags()).settings()
-    signals = _own(sources, settings)[:series] if sources else _drawn(series)
-    chosen, _ = choose_kernel("auto", settings.dtw)
-    rows = []
-    for name in registry().names("kernel", usable=True):
-        kernel = registry().make("kernel", name)
-        if not getattr(kernel, "exact", True):
-            rows.append((name, "", "an approximation, not timed", "", "", ""))
-        elif kernel.supports(settings.dtw):
-            mark = "auto" if name == chosen else ""
-            rows.append((name, mark, *_measure(kernel, signals, settings.dtw)))
+    signals = (_own(sources, settings) if sources else _drawn(series))[:series]
+    if not signals:
+        raise InputError(
+            "no series to compare", remedy="folders that hold videos or keypoints", code="E_EMPTY"
+        )
+    spec, options = settings.dtw, settings.options
+    auto, _ = choose_kernel("auto", spec, options)
+    asked = settings.classify.kernel
+    names = registry().names("kernel", usable=True) if asked == "auto" else [asked]
+    rows, timings = [], []
+    for name in names:
+        kernel = registry().make("kernel", name, options.get(name))
+        mark = "auto" if name == auto else ""
+        if not kernel.supports(spec):
+            rows.append((name, mark, "does not compute these settings", "", "", ""))
+        elif not getattr(kernel, "exact", True):
+            rows.append((name, mark, "an approximation, not timed", "", "", ""))
         else:
-            rows.append((name, "", "does not compute these settings", "", "", ""))
+            timings.append(_measure(name, kernel, signals, spec))
+            rows.append((name, mark, *timings[-1].cells()))
     columns = ("kernel", "", "pairs", "wall ms", "CPU µs / pair", "largest deviation")
     frames = sum(len(item) for item in signals) / len(signals)
-    print(f"{len(signals)} series, {frames:.0f} frames and {signals[0].values.shape[1]} channels on average")
+    width = signals[0].values.shape[1]
+    print(f"{len(signals)} series, {frames:.0f} frames on average, {width} channels")
     print_table(columns, rows, right=columns[2:])
-    print(f"dtw.kernel = auto takes {chosen!r}")
+    print(f"dtw.kernel = auto takes {auto!r}")
+    if out is not None:
+        record = {
+            "machine": platform.processor() or platform.machine(),
+            "cores": os.cpu_count(),
+            "series": len(signals),
+            "frames": frames,
+            "channels": width,
+            "dtw": {key: str(value) for key, value in asdict(spec).items()},
+            "auto": auto,
+            "kernels": [asdict(timing) for timing in timings],
+        }
+        out.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     return 0
 
 
-def _measure(kernel: Any, signals: list[Signals], spec: DtwSpec) -> tuple[str, str, str, str]:
-    """Pairs, wall milliseconds and CPU microseconds of the median run, deviation from NumPy."""
+def _measure(name: str, kernel: Any, signals: list[Signals], spec: DtwSpec) -> Timing:
     import numpy as np
 
     from gesture_core.dtw.distances import make_batches
@@ -69,7 +118,7 @@ def _measure(kernel: Any, signals: list[Signals], spec: DtwSpec) -> tuple[str, s
     start = time.perf_counter()
     found = kernel.distances(state, few)
     each = (time.perf_counter() - start) / len(few)
-    asked = subset(queries, np.arange(max(len(few), min(len(queries), int(PATIENCE / each)))))
+    asked = subset(queries, np.arange(max(len(few), min(len(queries), int(PATIENCE / max(each, 1e-9))))))
     kernel.distances(state, asked)
     walls, cpus = [], []
     for _ in range(RUNS):
@@ -80,8 +129,7 @@ def _measure(kernel: Any, signals: list[Signals], spec: DtwSpec) -> tuple[str, s
     pairs = len(asked) * len(examples)
     plain = NumpyKernel()
     deviation = _deviation(found, plain.distances(plain.prepare(examples, spec), few))
-    cpu = float(np.median(cpus)) / pairs * 1e6
-    return f"{pairs:,}", f"{np.median(walls) * 1e3:.1f}", f"{cpu:.2f}", f"{deviation:.1e}"
+    return Timing(name, pairs, float(np.median(walls)), float(np.median(cpus)) / pairs, deviation)
 
 
 def _deviation(found: np.ndarray, wanted: np.ndarray) -> float:
