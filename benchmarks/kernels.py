@@ -136,7 +136,7 @@ def line(name: str, cpu: float, cells: float, best: float, *more: str) -> None:
 
 def heading(title: str, *more: str) -> None:
     """A table's head."""
-    print(f"\n## {title}\n")
+    print(f"\n### {title}\n")
     print("| | µs CPU / pair | Gcells / CPU-s | × best peer |" + "".join(f" {text} |" for text in more))
     print("|---|---|---|---|" + "---|" * len(more), flush=True)
 
@@ -196,7 +196,7 @@ def main() -> None:
             share = "" if compiled is None else f"{square / cpu / 1e9 / compiled:.2f}"
             line(f"**{name}** {dtype.__name__}", cpu, square, best, share)
 
-    print("\n## 2. Threads, numba, wall seconds\n")
+    print("\n### 2. Threads, numba, wall seconds\n")
     big = list(walks(rng, 1024, 64, 1))
     walls = {threads: measure(table_of("numba", big, big, SQUARED, threads))[1] for threads in (1, 2)}
     print(f"one {walls[1]:.3f} s, two {walls[2]:.3f} s: × {walls[1] / walls[2]:.2f}", flush=True)

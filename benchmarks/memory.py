@@ -22,7 +22,7 @@ def main() -> None:
     series = [np.cumsum(rng.normal(size=(n, 2)), axis=0).astype(np.float32) for n in lengths]
     warping_distances(series[:40], series[:40])
     inputs = sum(item.nbytes for item in series) / 2**20
-    print(f"## 7. Memory and growth: 40 to 90 frames, 2 dimensions, inputs {inputs:.0f} MiB\n")
+    print(f"### 7. Memory and growth: 40 to 90 frames, 2 dimensions, inputs {inputs:.0f} MiB\n")
     print("| pairs | CPU s | CPU µs / pair | peak over the inputs, MiB |")
     print("|---|---|---|---|")
     for queries in (1_000, 2_500, 5_000, 10_000):

@@ -53,7 +53,7 @@ def _draw(series: list[np.ndarray], rng: np.random.Generator) -> np.ndarray:
 def main() -> None:
     """Print a row for each source."""
     shared = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE.parent / ".." / "shared"
-    print("## 6. Exact search, 2,000 × 2,000 windows of 128 frames, band 10 %\n")
+    print("### 6. Exact search, 2,000 × 2,000 windows of 128 frames, band 10 %\n")
     if not (shared / "data").is_dir():
         print(f"skipped: no data at {shared}")
         return
