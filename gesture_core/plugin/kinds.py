@@ -149,7 +149,11 @@ class ResultWriter(Protocol):
 
 
 class ExecutionEngine(Protocol):
-    """Runs one job over many tasks. Constructed with ``workers`` and ``limits``."""
+    """Runs one job over many tasks. Constructed with ``workers`` and ``limits``.
+
+    `run` is called once for the examples and once for the queries of a run, with the same job. An
+    engine that keeps something between the two has a method ``close``, which ends it.
+    """
 
     def run(
         self, job: Job, tasks: Sequence[Task], on_frames: Callable[[Task, int], None]
