@@ -104,8 +104,6 @@ def compare(kernel: DistanceKernel, case: Case, expected: np.ndarray | None = No
         return 0
     expected = reference_table(case) if expected is None else expected
     relative, absolute = TOLERANCE[case.queries.values.dtype]
-    # Soft minima of many cells add up rounding in units of gamma.
-    absolute += relative * (case.spec.gamma or 0) * case.queries.values.shape[1]
     compared = 0
     for rows, columns in _feasible_blocks(expected):
         chosen = subset(case.queries, rows), subset(case.examples, columns)
@@ -129,6 +127,7 @@ def _feasible_blocks(expected: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndar
 def specifications() -> Iterator[DtwSpec]:
     """Specifications that between them use every choice."""
     yield DtwSpec()
+    yield DtwSpec(mode="dependent", reduce="sum")
     yield DtwSpec(cost="squared", root=True, reduce="sum")
     yield DtwSpec(mode="dependent", cost="euclidean", length_norm=True)
     yield DtwSpec(mode="dependent", cost="squared", weights=(0.5, 0.0, 2.0), window=0.3)
@@ -160,14 +159,19 @@ def check_reference(kernel: DistanceKernel) -> None:
             compare(kernel, case)
 
 
+def _plainest(kernel: DistanceKernel) -> list[DtwSpec]:
+    """What the kernel supports of the specifications under which one channel's distance is its frames'."""
+    modes = (DtwSpec(), DtwSpec(mode="dependent"), DtwSpec(mode="dependent", reduce="sum"))
+    return [spec for spec in modes if kernel.supports(spec)]
+
+
 def check_single_frames(kernel: DistanceKernel) -> None:
     """Series of one frame cost what their frames differ by, to the last bit."""
     values = np.array([[[0.25]], [[-1.5]], [[3.0]]])
     every = np.ones((3, 1), bool)
     batch = SignalBatch(values, np.ones(3, np.int64), every, every)
     expected = np.abs(values[:, 0] - values[:, 0].T)
-    for mode in ("independent", "dependent"):
-        spec = DtwSpec(mode=mode)
+    for spec in _plainest(kernel):
         np.testing.assert_array_equal(kernel.distances(kernel.prepare(batch, spec), batch), expected)
 
 
@@ -176,8 +180,7 @@ def check_nothing_in_common(kernel: DistanceKernel) -> None:
     batch = draw_batch(np.random.default_rng(3), 4, 9, 2, masked=False)
     other = SignalBatch(batch.values, batch.lengths, batch.masks, batch.present.copy())
     other.present[1] = False
-    for mode in ("independent", "dependent"):
-        spec = DtwSpec(mode=mode)
+    for spec in _plainest(kernel):
         got = kernel.distances(kernel.prepare(other, spec), batch)
         assert np.isinf(got[:, 1]).all() and np.isfinite(np.delete(got, 1, axis=1)).all()
 
@@ -215,17 +218,28 @@ def check_bits(kernel: DistanceKernel) -> None:
 
 
 def check_pairs(kernel: DistanceKernel) -> None:
-    """Where a kernel computes chosen pairs, they have the bits of the table."""
-    compute: Any = getattr(kernel, "pairs", None)
-    if compute is None:
-        return
+    """Where a kernel computes chosen pairs, they have the bits of the table, unless they may be abandoned."""
+    pairs: Any = getattr(kernel, "pairs", None)
+    within: Any = getattr(kernel, "within", None)
     rng = np.random.default_rng(8)
     queries, examples = draw_batch(rng, 6, 25, 3), draw_batch(rng, 40, 25, 3)
-    for spec in (DtwSpec(), DtwSpec(mode="dependent", cost="euclidean")):
+    qi, ei = rng.integers(0, 6, 100), rng.integers(0, 40, 100)
+    for spec in (DtwSpec(), DtwSpec(mode="dependent", cost="euclidean", root=True, length_norm=True)):
+        if not kernel.supports(spec) or (pairs is None and within is None):
+            continue
         state = kernel.prepare(examples, spec)
-        whole = kernel.distances(state, queries)
-        qi, ei = rng.integers(0, 6, 100), rng.integers(0, 40, 100)
-        np.testing.assert_array_equal(compute(state, queries, qi, ei), whole[qi, ei], err_msg=str(spec))
+        whole = np.asarray(kernel.distances(state, queries))
+        if pairs is not None:
+            got = pairs(state, queries, qi, ei)
+            np.testing.assert_array_equal(got, whole[qi, ei], err_msg=str(spec))
+        if within is not None:
+            limits = np.median(whole, axis=1)
+            got, cells = within(state, queries, qi, ei, limits)
+            wanted = whole[qi, ei]
+            kept = (wanted <= limits[qi]) | np.isfinite(got)
+            np.testing.assert_array_equal(got[kept], wanted[kept], err_msg=str(spec))
+            most = queries.lengths[qi] * examples.lengths[ei] * 3
+            assert np.isposinf(got[~kept]).all() and (cells >= 0).all() and (cells <= most).all()
 
 
 def check_gradients(kernel: DistanceKernel) -> None:

@@ -104,6 +104,16 @@ class Prepared:
     spec: DtwSpec
 
 
+def warping_dtype(dtype: np.dtype, spec: DtwSpec) -> np.dtype:
+    """In which precision distances of a batch are accumulated: soft ones always in float64.
+
+    A soft distance is a sum of costs less ``gamma`` times the logarithm of a number of paths. Both
+    grow with the length and may cancel: the condition number, their sum over the distance,
+    has no bound, and float32 loses what cancels.
+    """
+    return np.dtype(np.float64) if spec.gamma is not None else dtype
+
+
 def weighted(values: np.ndarray, spec: DtwSpec) -> np.ndarray:
     """``values`` scaled so that an unweighted cost of them is the weighted cost of the originals."""
     if spec.weights is None:
@@ -193,6 +203,8 @@ class LaneKernel(ABC):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Soft distances, and the gradients of their sum weighted by ``weights`` (Q, N).
 
+        All in the dtype of the batches; `distances` are more exact.
+
         Returns
         -------
         (Q, N), (Q, T, D), (N, T, D)
@@ -211,7 +223,8 @@ class LaneKernel(ABC):
             for tile in self._tiles(series.lengths[qi[pair]], examples.lengths[ei[pair]], spec, series):
                 rows = pair[tile]
                 chosen = None if dimension is None else dimension[tile]
-                lanes = _gather(series, examples, qi[rows], ei[rows], chosen, use[rows], spec)
+                dtype = examples.frames.dtype
+                lanes = _gather(series, examples, qi[rows], ei[rows], chosen, use[rows], spec, dtype)
                 value, *slope = self.warp_gradients(lanes)
                 np.add.at(values, (qi[rows], ei[rows]), value * factor[rows])
                 weight = factor[rows] * weights[qi[rows], ei[rows]]
@@ -247,7 +260,7 @@ class LaneKernel(ABC):
             rows = pair[tile]
             lanes = _gather(
                 queries, examples, qi[rows], ei[rows], None if dimension is None else dimension[tile],
-                use[rows], spec,
+                use[rows], spec, warping_dtype(examples.frames.dtype, spec),
             )  # fmt: skip
             values = self.warp(lanes).astype(np.float64)
             if spec.mode == "dependent" and spec.reduce == "mean":
@@ -314,11 +327,12 @@ def _gather(
     dimension: np.ndarray | None,
     use: np.ndarray,
     spec: DtwSpec,
+    dtype: np.dtype,
 ) -> Lanes:
     """The lanes of pairs ``qi``, ``ei``: one dimension each, or all used ones together."""
     n, m = queries.lengths[qi], examples.lengths[ei]
     x, y = (
-        _columns(series.frames[: int(length.max())], index, dimension)
+        _columns(series.frames[: int(length.max())], index, dimension).astype(dtype, copy=False)
         for series, index, length in ((queries, qi, n), (examples, ei, m))
     )
     gamma = None if spec.gamma is None else np.full(len(qi), spec.gamma)
@@ -331,7 +345,7 @@ def _gather(
         cells = _cells(n, m, spec)
     elif is_banded(spec):
         low, high = _bounds(n, m, spec)
-    softness = None if gamma is None else gamma.astype(x.dtype)
+    softness = None if gamma is None else gamma.astype(dtype)
     return Lanes(x, y, n, m, low, high, cells, softness, lane_cost(spec))
 
 

@@ -11,7 +11,7 @@ from gesture_dtw_jax.soft import soft_tile, soft_tile_gradients
 from gesture_dtw_jax.tiles import WIDTHS, make_tile
 
 LANES_TIMES_WIDTH = 2048
-"""Upper limit of lanes times dimensions of a tile, but for the narrowest: a block's rows stay in the cache."""
+"""Upper limit of lanes times dimensions of a tile wider than the narrowest: its blocks stay in the cache."""
 
 
 class JaxKernel(LaneKernel):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gesture_core.dtw.bands import is_banded, row_bounds
-from gesture_core.dtw.lanes import far, lane_cost, unreached, weighted
+from gesture_core.dtw.lanes import far, lane_cost, unreached, warping_dtype, weighted
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
 from gesture_dtw_numba.compiled import LANES, ROWS
@@ -110,8 +110,9 @@ class Room(NamedTuple):
 
 
 def make_batch(batch: SignalBatch, spec: DtwSpec) -> Batch:
-    """Weight and turn a batch."""
-    values = np.ascontiguousarray(weighted(batch.values, spec).transpose(0, 2, 1))
+    """Weight and turn a batch; `warping_dtype` says in which precision."""
+    weighed = weighted(batch.values, spec).astype(warping_dtype(batch.values.dtype, spec), copy=False)
+    values = np.ascontiguousarray(weighed.transpose(0, 2, 1))
     return Batch(values, batch.lengths, batch.masks & batch.present, batch.present)
 
 

@@ -43,15 +43,13 @@ def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, li
     start, stop, open_from, open_until = 0, columns, 0, columns
     for i in range(0, len(x), 4):
         corner[:] = border
-        if costs is not None:
-            # Inside, for what is None is left out of the compiled code.
-            if banded:
-                before, after = start, stop
-                start, stop, open_from, open_until = _span(room.low, room.high, i, columns)
-                if start > 0:
-                    corner[:] = above[start - 1]
-                above[before:start] = border
-                above[stop:after] = border
+        if costs is not None and banded:
+            before, after = start, stop
+            start, stop, open_from, open_until = _span(room.low, room.high, i, columns)
+            if start > 0:
+                corner[:] = above[start - 1]
+            above[before:start] = border
+            above[stop:after] = border
         left[:] = border
         if i == 0 and padded == 0:
             corner[:] = 0
@@ -102,10 +100,10 @@ def _all_exceed(above: Any, start: Any, stop: Any, least: Any, limit: Any) -> bo
     for j in range(start + 1, stop):
         for lane in range(LANES):
             least[lane] = min(least[lane], above[j, lane])
+    within = 0
     for lane in range(LANES):
-        if least[lane] <= limit[lane]:
-            return False
-    return True
+        within += least[lane] <= limit[lane]
+    return within == 0
 
 
 @njit(nogil=True)
