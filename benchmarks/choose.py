@@ -197,7 +197,8 @@ def descend(problems: list[Problem], seed: int) -> Choice:
     with torch.no_grad():
         shares = torch.softmax(weights, dim=0)
         shares = torch.where(shares < SMALLEST, 0.0, shares) / unit
-    return Choice((shares / shares.max()).numpy(), *(float(value.detach()) for value in (mirror, still, loss)))
+    found = (float(value.detach()) for value in (mirror, still, loss))
+    return Choice((shares / shares.max()).numpy(), *found)
 
 
 def each() -> range:
