@@ -71,10 +71,10 @@ class SteadyRules:
     swap: float = 0.5
     face: float = 8.0
     twist: float = 3.0
-    slack: float = 0.2
+    slack: float = 0.1
     most: float = 9.0
     still: float = 0.08
-    speed: float = 2.0
+    speed: float = 4.0
     jump: float = 6.0
     weights: tuple[float, float, float] = (4.0, 2.0, 0.5)
     states: int = 24

@@ -54,7 +54,9 @@ def test_what_is_right_stays_as_it_is(seed: int, size: float, step: float, frame
 
 
 @pytest.mark.parametrize("frames", [[10], [10, 11, 12, 13], [0, 1], [28, 29], [3, 9, 10, 20]])
-@pytest.mark.parametrize("joints", [(RIGHT, LEFT), ([2, 3, 4], [5, 6, 7]), ([3], [6]), ([9, 10], [12, 13])])
+@pytest.mark.parametrize(
+    "joints", [(RIGHT, LEFT), ([2, 3, 4], [5, 6, 7]), ([3], [6]), ([8, 9, 10], [11, 12, 13]), ([9], [12])]
+)
 def test_left_and_right_that_change_places_are_put_back(
     frames: list[int], joints: tuple[list[int], list[int]]
 ) -> None:
