@@ -68,12 +68,10 @@ class Extractor:
         self.backend: NetworkBackend = registry().make("pose", "onnx", {"threads": threads}, model=found)
         self.name = found.name
         self.follow = follow
-        source = Path(sys.modules["gesture_core.pose.follow"].__file__ or "").read_bytes()
-        code = (
-            hashlib.sha256(source + repr(found.contract).encode()).hexdigest()[:8]
-            if self.following
-            else "still"
-        )
+        # What a network that follows sees depends on all that is around it.
+        sources = sorted(Path(sys.modules["gesture_core.pose.extract"].__file__ or "").parent.glob("*.py"))
+        text = b"".join(source.read_bytes() for source in sources) + repr(found.contract).encode()
+        code = hashlib.sha256(text).hexdigest()[:8] if self.following else "still"
         self.folder = cache / f"{found.name}-{found.sha256[:12]}-{code}-{REVISION}"
 
     @property
@@ -90,7 +88,10 @@ class Extractor:
                 return thinned(kept, step // stride)
         stride = 1 if self.following else step
         with open_video(video) as frames:
-            (pose,) = extract_poses(islice(frames, 0, None, stride), self.backend, follow=self.follow)
+            # The reference is what its network says of each frame, sparse as they are.
+            (pose,) = extract_poses(
+                islice(frames, 0, None, stride), self.backend, follow=self.follow, steady=self.following
+            )
         path = self._path(video, stride)
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez(path, keypoints=pose.keypoints, scores=pose.scores, times=pose.times)
