@@ -90,7 +90,7 @@ def test_the_preset_loads(tmp_path: Path) -> None:
     (text,) = (text for kind, text in BLOCKS if kind == "toml")
     (tmp_path / "mine.toml").write_text(text)
     settings = load_settings(tmp_path / "mine.toml", environment={})
-    assert settings.classify.reject == 0.05
+    assert settings.classify.reject == 0.5
     assert settings.options["resample"]["rate"] == 25.0
 
 
