@@ -11,8 +11,8 @@ from gesture_core.archive.child import Child, Inbox, messages
 from gesture_core.errors import GestureError, PluginError
 from gesture_core.settings import LimitSettings
 
-_SLOW = frozenset({"open"})
-"""Questions that may take as long as a start: they import what plugins need."""
+_SLOW = frozenset({"open", "example", "fit"})
+"""Questions that may take as long as a start: plugins import with them what they need."""
 
 
 class SandboxDeath(PluginError):
