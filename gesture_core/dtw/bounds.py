@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from gesture_core.dtw.bands import is_banded, row_bounds
+from gesture_core.dtw.bands import allowed_cells, is_banded
 from gesture_core.dtw.lanes import used_dimensions, weighted
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
@@ -60,8 +60,9 @@ def envelope(
 
 @lru_cache(maxsize=1024)
 def _bounds(rows: int, columns: int, spec: DtwSpec) -> tuple[np.ndarray, np.ndarray]:
-    low, high = row_bounds(rows, columns, spec)
-    return low.astype(np.int64), high.astype(np.int64)
+    """First column and column past the last of each row; holes between them do no harm to a bound."""
+    cells = allowed_cells(rows, columns, spec)
+    return cells.argmax(axis=1), columns - cells[:, ::-1].argmax(axis=1)
 
 
 def _range_extreme(values: np.ndarray, low: np.ndarray, high: np.ndarray, pick: np.ufunc) -> np.ndarray:

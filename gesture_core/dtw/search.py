@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from gesture_core.dtw.bands import is_banded, row_bounds
+from gesture_core.dtw.bands import allowed_cells, is_banded
 from gesture_core.dtw.bounds import keogh, lower_bounds
 from gesture_core.dtw.distances import choose_kernel, make_batches
 from gesture_core.dtw.lanes import used_dimensions
-from gesture_core.dtw.pairs import distances_within
+from gesture_core.dtw.pairs import distances_within, subset
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
+from gesture_core.plugin.kinds import DistanceKernel
 from gesture_core.types import Neighbors, SignalBatch, Signals
 
 ROUND = 32
 """Examples of a query that are warped, at least, between two looks at its k-th best distance."""
+PAIRS_AT_ONCE = 1 << 22
+"""Pairs whose bounds are held at once; more queries follow in parts."""
 REST = 0.5
 """Where the bounds allow more than this share of what is left, all of it is warped at once."""
 
@@ -79,14 +83,30 @@ def search(
         raise ConfigError(f"k = {k} of {len(example_batch)} examples", code="E_OPTION")
     name, chosen = choose_kernel(kernel, spec)
     state = chosen.prepare(example_batch, spec)
-    cells = _cells(query_batch, example_batch, spec)
+    size = max(1, PAIRS_AT_ONCE // len(example_batch))
+    parts = [
+        _part(chosen, state, subset(query_batch, index), example_batch, spec, k)
+        for index in np.split(np.arange(len(query_batch)), range(size, len(query_batch), size))
+    ]
+    distances, indices = (
+        np.concatenate([getattr(part[0], side) for part in parts]) for side in ("distances", "indices")
+    )
+    spent, total = (sum(part[i] for part in parts) for i in (1, 2))
+    return Search(Neighbors(distances, indices), name, spent, total)
+
+
+def _part(
+    kernel: DistanceKernel, state: Any, queries: SignalBatch, examples: SignalBatch, spec: DtwSpec, k: int
+) -> tuple[Neighbors, int, int]:
+    """The neighbours of some queries, the cells computed for them, and all of their cells."""
+    cells = _cells(queries, examples, spec)
+    total = int(cells.sum())
     if spec.gamma is not None:
-        values = np.asarray(chosen.distances(state, query_batch))
-        return Search(_rank(values, k), name, int(cells.sum()), int(cells.sum()))
-    limits = lower_bounds(query_batch, example_batch, spec, getattr(chosen, "keogh", keogh))
+        return _rank(np.asarray(kernel.distances(state, queries)), k), total, total
+    limits = lower_bounds(queries, examples, spec, getattr(kernel, "keogh", keogh))
     order = np.argsort(limits, axis=1, kind="stable")
     ranked = np.take_along_axis(limits, order, axis=1)
-    values = np.full(limits.shape, np.inf, query_batch.values.dtype)
+    values = np.full(limits.shape, np.inf, queries.values.dtype)
     best = np.full((len(values), k), np.inf)
     spent, position, step = 0, 0, k
     active = np.arange(len(values))
@@ -96,7 +116,7 @@ def search(
         row, column = np.nonzero(ranked[active, ahead] <= best[active, -1:])
         qi, ei = active[row], order[active, ahead][row, column]
         found, computed = distances_within(
-            chosen, query_batch, example_batch, spec, qi, ei, best[:, -1], cells, state
+            kernel, queries, examples, spec, qi, ei, best[:, -1], cells, state
         )  # fmt: skip
         values[qi, ei] = found
         spent += int(computed.sum())
@@ -112,7 +132,7 @@ def search(
             allowed = (ranked[active, position:] <= best[active, -1:]).mean() if len(active) else 0
             if position > ROUND and allowed > REST:
                 step = values.shape[1]
-    return Search(_nearest(values, best[:, -1], k), name, spent, int(cells.sum()))
+    return _nearest(values, best[:, -1], k), spent, total
 
 
 def _rank(values: np.ndarray, k: int) -> Neighbors:
@@ -134,11 +154,10 @@ def _cells(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec) -> np.nda
     n, rows = np.unique(queries.lengths, return_inverse=True)
     m, columns = np.unique(examples.lengths, return_inverse=True)
     sizes = np.multiply.outer(n, m)
-    if is_banded(spec) and spec.mask is None:
+    if is_banded(spec):
         for i, length in enumerate(n.tolist()):
             for j, other in enumerate(m.tolist()):
-                low, high = row_bounds(length, other, spec)
-                sizes[i, j] = (high - low).sum()
+                sizes[i, j] = allowed_cells(length, other, spec).sum()
     cells = sizes[rows[:, None], columns[None, :]]
     if spec.mode == "dependent":
         return cells

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gesture_core.dtw import search as engine
 from gesture_core.dtw.distances import warping_distances
 from gesture_core.dtw.search import nearest, search
 from gesture_core.dtw.spec import DtwSpec
@@ -61,6 +62,23 @@ def test_search_with_masks_and_pairs_without_a_common_channel() -> None:
     found = nearest(queries, examples, spec, k=3)
     order = np.argsort(table, axis=1, kind="stable")[:, :3]
     np.testing.assert_array_equal(found.indices, order)
+
+
+def test_search_in_parts_under_masks_and_by_a_kernel_that_only_knows_tables(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(engine, "PAIRS_AT_ONCE", 90)
+    rng = np.random.default_rng(3)
+    queries, examples = walks(rng, 7, 1, 24), walks(rng, 40, 1, 24)
+    inner = np.abs(np.subtract.outer(np.arange(9), np.arange(9)))
+    holes = (inner < 5) & ~((inner == 0) & (np.arange(9) == 4))
+    for spec in (DtwSpec(mask=inner < 3), DtwSpec(mask=holes, root=True), DtwSpec(gamma=0.5)):
+        table = warping_distances(queries, examples, spec)
+        order = np.argsort(table, axis=1, kind="stable")[:, :2]
+        for kernel in ("auto", "numpy"):
+            found = search(queries, examples, spec, 2, kernel)
+            np.testing.assert_array_equal(found.neighbors.indices, order)
+            assert 0 < found.share <= 1 and (spec.gamma is None or found.share == 1)
 
 
 def test_bounds_save_cells_under_a_band() -> None:
