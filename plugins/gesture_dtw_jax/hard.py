@@ -21,16 +21,19 @@ from gesture_core.dtw.lanes import far, unreached
 from gesture_dtw_jax.tiles import ROWS, Tile
 
 STEPS = 3
-"""Diagonals that one turn of the loop computes."""
+"""Diagonals that one turn of the loop computes, where copies would show."""
+MANY = 8
+"""Dimensions from which on local costs hide the copies, and one step compiles in a third of the time."""
 
 
 @partial(jax.jit, static_argnames="cost")
 def hard_tile(tile: Tile, cost: str) -> Array:
     """(W,) accumulated cost at the tile's last cell."""
     frames, channels, width = tile.y.shape
+    count = STEPS if channels < MANY else 1
     border = jnp.asarray(unreached(tile.x.dtype), tile.x.dtype)
     # Row r of step k meets column k - r: row r of a window into the reversed y.
-    around = ((ROWS + STEPS, ROWS + STEPS), (0, 0), (0, 0))
+    around = ((ROWS + count, ROWS + count), (0, 0), (0, 0))
     flipped = jnp.pad(tile.y[::-1], around, constant_values=far(tile.y.dtype))
 
     def block(index: Array, above: Array) -> Array:
@@ -42,9 +45,9 @@ def hard_tile(tile: Tile, cost: str) -> Array:
 
         def steps(turn: Array, carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
             last, before, below = carry
-            for step in range(STEPS):
-                k = first + turn * STEPS + step
-                met = ROWS + STEPS + frames - 1 - k
+            for step in range(count):
+                k = first + turn * count + step
+                met = ROWS + count + frames - 1 - k
                 # Each dimension by itself: XLA would copy a window that several operations read.
                 window = [
                     lax.dynamic_slice(flipped, (met, *met.dtype.type([c, 0])), (ROWS, 1, width))[:, 0]
@@ -64,12 +67,12 @@ def hard_tile(tile: Tile, cost: str) -> Array:
         empty = jnp.full((ROWS + 1, width), border)
         last = empty.at[0].set(above[first + 1])
         before = empty.at[0].set(above[first])
-        turns = (tile.stop[index] - first + ROWS - 1 + STEPS - 1) // STEPS
+        turns = (tile.stop[index] - first + ROWS - 1 + count - 1) // count
         below = lax.fori_loop(0, turns, steps, (last, before, jnp.full_like(above, border)))[2]
         # Steps at which the last row has not yet entered the table have left their values here.
         return below.at[0].set(border)
 
-    above = jnp.full((frames + ROWS + STEPS, width), border).at[0].set(0)
+    above = jnp.full((frames + ROWS + count, width), border).at[0].set(0)
     return lax.fori_loop(0, tile.blocks, block, above)[tile.columns]
 
 
