@@ -91,7 +91,7 @@ def search(
     distances, indices = (
         np.concatenate([getattr(part[0], side) for part in parts]) for side in ("distances", "indices")
     )
-    spent, total = (sum(part[i] for part in parts) for i in (1, 2))
+    spent, total = sum(part[1] for part in parts), sum(part[2] for part in parts)
     return Search(Neighbors(distances, indices), name, spent, total)
 
 

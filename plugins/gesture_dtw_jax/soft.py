@@ -70,8 +70,8 @@ def soft_lanes(
         least = soft_least(last[:-1], last[1:], before[:-1], gamma)
         # A cost outside the table may be infinite, and must not reach the gradient.
         safe = jnp.where(inside[:, None], x, window)
-        sides = ([side[:, c] for c in range(x.shape[1])] for side in (safe, window))
-        now = jnp.where(inside, local_cost(*sides, cost) + least, border)
+        one, other = ([side[:, c] for c in range(x.shape[1])] for side in (safe, window))
+        now = jnp.where(inside, local_cost(one, other, cost) + least, border)
         result = jnp.where(n + m - 2 == k, jnp.take_along_axis(now, (n - 1)[None], axis=0)[0], result)
         shifted = jnp.concatenate([jnp.full((1, lanes), border), now])
         return (shifted, last, result), None

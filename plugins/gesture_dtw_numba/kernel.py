@@ -162,14 +162,14 @@ def run_groups(
     plain = gamma is None and not rule.banded and not rule.dependent
     costs = None if plain else make_costs(width, dtype)
     room = make_room(int(n.max()), int(m.max()), width, rule.banded, dtype)
-    q_ends, e_ends = np.asarray(q_ends, np.int64), np.asarray(e_ends, np.int64)
-    count = int((np.diff(q_ends) * np.diff(e_ends)).sum())
+    q_cuts, e_cuts = np.asarray(q_ends, np.int64), np.asarray(e_ends, np.int64)
+    count = int((np.diff(q_cuts) * np.diff(e_cuts)).sum())
     out, cells = np.empty(count), np.empty(count, np.int64)
     if limits is None or gamma is not None:
         limits = np.empty(0)
     bands = make_bands(n, m, spec)
     compiled_groups()(
-        queries, qs, q_ends, examples, es, e_ends, rule, bands, gamma, costs, limits, room, out, cells
+        queries, qs, q_cuts, examples, es, e_cuts, rule, bands, gamma, costs, limits, room, out, cells
     )
     return out, cells
 
