@@ -278,7 +278,9 @@ def main() -> int:
         student = Extractor(chosen.student, chosen.cache, chosen.threads)
     except GestureError as error:
         sys.exit(str(error))
-    teacher, rival = (Extractor(models / file, chosen.cache, chosen.threads) for file in (TEACHER, RIVAL))
+    # The reference looks at whole pictures: what it says depends on no crop.
+    teacher = Extractor(models / TEACHER, chosen.cache, chosen.threads, follow=False)
+    rival = Extractor(models / RIVAL, chosen.cache, chosen.threads)
     gates: list[Gate] = []
     if "A" in wanted:
         gates += utd(chosen.shared, [student, teacher, rival])
