@@ -69,6 +69,8 @@ def _fetch(url: str, sha256: str, folder: Path, name: str, limit: int, progress:
                 address, _Bounded(file, limit, url), keeper
             )
 
+    # Its log names a temporary file that means nothing to the user.
+    pooch.get_logger().setLevel("WARNING")
     try:
         path = pooch.retrieve(url, f"sha256:{sha256}", fname=name, path=folder, downloader=fetch)
     except (requests.RequestException, OSError) as error:
