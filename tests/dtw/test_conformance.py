@@ -15,6 +15,7 @@ from gesture_core.testing import KERNEL_CHECKS, Case, compare, draw_batch
 KERNELS = registry().names("kernel", usable=True)
 
 
+@pytest.mark.timeout(900)  # mostly compilation, which a busy machine draws out
 @pytest.mark.parametrize("name", KERNELS)
 @pytest.mark.parametrize("check", KERNEL_CHECKS, ids=lambda check: check.__name__)
 def test_kernel(name: str, check: Callable[..., None]) -> None:

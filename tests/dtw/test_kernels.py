@@ -67,6 +67,7 @@ def drawn_cases() -> list[tuple[Case, np.ndarray]]:
     return found
 
 
+@pytest.mark.timeout(900)  # mostly compilation, which a busy machine draws out
 @pytest.mark.parametrize("name", KERNELS)
 def test_a_kernel_agrees_with_the_reference_on_ten_thousand_pairs(name: str) -> None:
     kernel = registry().make("kernel", name)
