@@ -90,6 +90,7 @@ class Victim:
             status = _wait(child)
             if not os.WIFSIGNALED(status):
                 assert status == 0
+                self.seconds *= 0.8  # it was measured while the machine had more to do
                 break
             kills += 1
         self._resume(f"{kills} kills at random")
