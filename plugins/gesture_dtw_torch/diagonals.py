@@ -6,7 +6,7 @@ cells are three slices of the two diagonals before it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import torch
@@ -53,36 +53,53 @@ def local_costs(x: Tensor, y: Tensor, cost: str) -> Tensor:
     return total.sqrt_() if cost == "euclidean" else total
 
 
-def hard_diagonals(x: Tensor, y: Tensor, n: Tensor, m: Tensor, band: Band | None, cost: str) -> Tensor:
-    """(P,) accumulated cost of each lane at its own last cell."""
-    rows, columns, lanes = x.shape[0], y.shape[0], x.shape[2]
-    flipped = y.flip(0)
+Step = Callable[[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor], None]
+"""``step(up, left, diagonal, x, y, out)``: the cells of one diagonal from their predecessors and frames."""
+
+
+def hard_diagonals(
+    x: Tensor, flipped: Tensor, n: Tensor, m: Tensor, band: Band | None, step: Step, ahead: int = 0
+) -> Tensor:
+    """(P,) accumulated cost of each lane at its own last cell, for a reversed y.
+
+    With ``ahead``, the diagonals begin that many rows into their memory.
+    """
+    rows, columns, lanes = x.shape[0], flipped.shape[0], x.shape[2]
     # Three diagonals in turn. No cell beside a diagonal is ever read but those of the border, which
     # no diagonal has written yet, and the one in the first row, which all leave alone.
-    last, before, now = (x.new_full((rows + 1, lanes), border_value(x)) for _ in range(3))
+    last, before, now = (x.new_full((ahead + rows + 1, lanes), border_value(x))[ahead:] for _ in range(3))
     before[0] = 0
-    local, least = x.new_empty((rows, lanes)), x.new_empty((rows, lanes))
-    result = x.new_empty(lanes)
+    result = x.new_empty(len(n))
     ends = _ends(n, m)
     for k, first, stop, window in diagonals(rows, columns):
         if k == 1:
             now[0] = border_value(x)
-        size = stop - first
-        v = torch.minimum(last[first:stop], last[first + 1 : stop + 1], out=least[:size])
-        torch.minimum(v, before[first:stop], out=v)
-        if x.shape[1] == 1:
-            d = torch.sub(x[first:stop, 0], flipped[window, 0], out=local[:size])
-            if cost == "squared":
-                torch.addcmul(v, d, d, out=now[first + 1 : stop + 1])
-            else:
-                torch.add(v, d.abs_(), out=now[first + 1 : stop + 1])
-        else:
-            torch.add(v, local_costs(x[first:stop], flipped[window], cost), out=now[first + 1 : stop + 1])
-        _forbid(now, k, first, stop, band)
+        up, left, diagonal = last[first:stop], last[first + 1 : stop + 1], before[first:stop]
+        step(up, left, diagonal, x[first:stop], flipped[window], now[first + 1 : stop + 1])
+        _forbid(now[:, : len(n)], k, first, stop, band)
         if k in ends:
             result[ends[k]] = now[n[ends[k]], ends[k]]
         last, before, now = now, last, before
     return result
+
+
+def eager_step(x: Tensor, cost: str) -> Step:
+    """The step of `hard_diagonals`, one operation of Torch after the other, without new memory."""
+    local, least = x.new_empty((len(x), x.shape[2])), x.new_empty((len(x), x.shape[2]))
+
+    def step(up: Tensor, left: Tensor, diagonal: Tensor, x: Tensor, y: Tensor, out: Tensor) -> None:
+        v = torch.minimum(up, left, out=least[: len(up)])
+        torch.minimum(v, diagonal, out=v)
+        if x.shape[1] > 1:
+            torch.add(v, local_costs(x, y, cost), out=out)
+            return
+        d = torch.sub(x[:, 0], y[:, 0], out=local[: len(up)])
+        if cost == "squared":
+            torch.addcmul(v, d, d, out=out)
+        else:
+            torch.add(v, d.abs_(), out=out)
+
+    return step
 
 
 def soft_diagonals(

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from gesture_core.dtw.lanes import LaneKernel, Lanes
-from gesture_dtw_torch.diagonals import Band, hard_diagonals, soft_diagonals
+from gesture_dtw_torch.diagonals import Band, eager_step, hard_diagonals, soft_diagonals
 from gesture_dtw_torch.soft import SoftLanes
 
 
@@ -21,9 +21,13 @@ class TorchKernel(LaneKernel):
     ----------
     where : str
         A Torch device, or ``"auto"`` for the first CUDA device and else the CPU.
+    compiled : bool
+        Fuse each diagonal of hard warpings with `torch.compile`: needs a C++ compiler and some
+        seconds at the first call, and pays for many pairs of several dimensions.
     """
 
     where: str = "auto"
+    compiled: bool = False
 
     lane_cells = 1 << 18
     lane_count = 4096
@@ -39,8 +43,13 @@ class TorchKernel(LaneKernel):
         """(P,) accumulated costs."""
         tensors = self._tensors(lanes)
         with torch.no_grad():
-            if lanes.gamma is None:
-                values = hard_diagonals(*tensors, lanes.cost)
+            if lanes.gamma is None and self.compiled:
+                from gesture_dtw_torch.compiled import compiled_diagonals
+
+                values = compiled_diagonals(*tensors, lanes.cost)
+            elif lanes.gamma is None:
+                x, y, n, m, band = tensors
+                values = hard_diagonals(x, y.flip(0), n, m, band, eager_step(x, lanes.cost))
             else:
                 values, _ = soft_diagonals(*tensors, self._tensor(lanes.gamma), lanes.cost)
         return values.cpu().numpy()
