@@ -31,7 +31,8 @@ from gesture_core.types import Signals
 HERE = Path(__file__).resolve().parent
 PEERS = HERE.parent / ".venv-peers"
 PACKAGES = ("aeon==1.6.0", "tslearn==0.10.0", "dtaidistance==2.5.1", "fastdtw==0.3.4")
-KERNELS = ("numba", "jax", "torch", "numpy")
+KERNELS = ("numba", "jax", "torch", "torch, compiled", "numpy")
+PLAIN = ("numba", "jax", "torch")
 RUNS = 7
 SQUARED = DtwSpec(cost="squared", reduce="sum")
 
@@ -75,8 +76,8 @@ def measure(compute: Callable[[], object], runs: int = RUNS) -> tuple[float, flo
 
 def table_of(name: str, a: list, b: list, spec: DtwSpec, threads: int = 1) -> Callable[[], np.ndarray]:
     """What computes all distances on kernel ``name``, preparation of the examples left out."""
-    options = {"threads": threads} if name == "numba" else {}
-    kernel = registry().make("kernel", name, options)
+    options = {"numba": {"threads": threads}, "torch, compiled": {"compiled": True}}
+    kernel = registry().make("kernel", name.partition(",")[0], options.get(name, {}))
     queries, examples = make_batches(a, b, spec)
     state = kernel.prepare(examples, spec)
     return lambda: kernel.distances(state, queries)
@@ -88,7 +89,7 @@ def usable() -> list[str]:
         import torch
 
         torch.set_num_threads(1)
-    return [name for name in KERNELS if name in registry().names("kernel", usable=True)]
+    return [name for name in KERNELS if name.partition(",")[0] in registry().names("kernel", usable=True)]
 
 
 def walks(rng: np.random.Generator, count: int, length: int, width: int) -> np.ndarray:
@@ -205,7 +206,7 @@ def main() -> None:
     counts = [int((np.asarray(x.mask) | np.asarray(y.mask)).sum()) * len(x) * len(y) for x, y in sample]
     each = float(np.mean(counts))
     best = peer_lines(peers["paper"], each)
-    for name in kernels[:3]:
+    for name in (name for name in PLAIN if name in kernels):
         cpu, wall = measure(
             table_of(name, queries, examples, DtwSpec(), threads=0), 3 if name == "numba" else 1
         )
@@ -222,7 +223,7 @@ def main() -> None:
     heading("5. Soft-DTW, value and gradient, 3 dimensions, length 64, gamma 1")
     best = peer_lines(peers["soft"], square)
     soft = SQUARED.replace(mode="dependent", gamma=1.0)
-    for name in kernels[:3]:
+    for name in (name for name in PLAIN if name in kernels):
         for dtype in (np.float32, np.float64):
             a, b = list(many_a[:48, :, :3].astype(dtype)), list(many_b[:48, :, :3].astype(dtype))
             cpu = measure(lambda a=a, b=b, name=name: soft_gradients(a, b, soft, kernel=name), 3)[0]

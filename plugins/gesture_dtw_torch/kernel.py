@@ -39,6 +39,10 @@ class TorchKernel(LaneKernel):
             return self.where
         return "cuda" if torch.cuda.is_available() else "cpu"
 
+    def tile_size(self, frames: int, width: int) -> int:
+        """Many dimensions take as many lanes as four: each operation of Torch has its price."""
+        return super().tile_size(frames, min(width, 4))
+
     def warp(self, lanes: Lanes) -> np.ndarray:
         """(P,) accumulated costs."""
         tensors = self._tensors(lanes)
