@@ -28,17 +28,21 @@ def find_peaks(maps: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray, 
     """
     high, wide = maps.shape[2:]
     # Few cells are above the floor, so that looking at their neighbours costs less than comparing maps.
-    n, j, y, x = np.nonzero(maps > floor)
-    here = maps[n, j, y, x]
+    chosen = np.flatnonzero(maps > floor)
+    n, j, y, x = np.unravel_index(chosen, maps.shape)
+    row = wide + 2  # with a border below every cell, so that neighbours need no test of the edge
+    framed = np.full((*maps.shape[:2], high + 2, row), -np.inf, maps.dtype)
+    framed[:, :, 1:-1, 1:-1] = maps
+    cells = framed.reshape(-1)
+    place = chosen // (high * wide) * (high + 2) * row + (y + 1) * row + x + 1
+    here = cells[place]
     peak = np.ones(len(n), bool)
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
-            if (dy, dx) == (0, 0):
-                continue
-            inside = (y + dy >= 0) & (y + dy < high) & (x + dx >= 0) & (x + dx < wide)
-            beside = maps[n, j, np.clip(y + dy, 0, high - 1), np.clip(x + dx, 0, wide - 1)]
-            lower = here > beside if (dy, dx) < (0, 0) else here >= beside
-            peak &= lower | ~inside | np.isnan(beside)
+            if (dy, dx) != (0, 0):
+                beside = cells[place + (dy * row + dx)]
+                # Written so that a neighbour which is no number says nothing.
+                peak &= ~(here <= beside) if (dy, dx) < (0, 0) else ~(here < beside)
     n, j, y, x = n[peak], j[peak], y[peak], x[peak]
     return n, j, refine(maps, n, j, y, x), np.clip(here[peak], 0, 1).astype(np.float32)
 
