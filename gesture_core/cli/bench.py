@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from gesture_core.cli.flags import Flags
+from gesture_core.cli.flags import KernelFlags
 from gesture_core.cli.screen import print_table
 from gesture_core.errors import InputError
 
@@ -45,7 +45,7 @@ class Timing:
 
 def bench(
     *sources: str,
-    flags: Flags | None = None,
+    flags: KernelFlags | None = None,
     series: int = 100,
     out: Annotated[Path | None, Parameter(help="Also write the table to this file, as JSON.")] = None,
 ) -> int:
@@ -62,7 +62,7 @@ def bench(
     from gesture_core.dtw.distances import choose_kernel
     from gesture_core.plugin import registry
 
-    settings = (flags or Flags()).settings()
+    settings = (flags or KernelFlags()).settings()
     signals = (_own(sources, settings) if sources else _drawn(series))[:series]
     if not signals:
         raise InputError(

@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from gesture_core.archive.run import RunRequest, RunSummary
-from gesture_core.cli.flags import Flags, RunFlags
+from gesture_core.cli.flags import Flags, PoseFlags, RunFlags
 from gesture_core.cli.progress import progress, say_event
 from gesture_core.cli.screen import counted, print_rows, visible
 
@@ -41,7 +41,7 @@ def classify(
 def execute(
     sources: tuple[str, ...],
     out: Path,
-    flags: Flags | None,
+    flags: PoseFlags | None,
     run: RunFlags | None,
     examples: tuple[str, ...] = (),
     labels: str = "folder",
@@ -53,7 +53,7 @@ def execute(
     request = RunRequest(
         sources,
         out,
-        (flags or Flags()).settings(),
+        (flags or PoseFlags()).settings(),
         examples,
         labels,
         run.workers,

@@ -8,13 +8,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from gesture_core.cli.classify import execute
-from gesture_core.cli.flags import Flags, RunFlags
+from gesture_core.cli.flags import PoseFlags, RunFlags
 
 
 def extract(
     *sources: Annotated[str, Parameter(required=True)],
     out: Path,
-    flags: Flags | None = None,
+    flags: PoseFlags | None = None,
     run: RunFlags | None = None,
 ) -> int:
     """Find keypoints only, and write them to <out>/keypoints/ as Parquet files.

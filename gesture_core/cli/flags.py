@@ -8,24 +8,16 @@ from typing import Annotated, Any
 from cyclopts import Parameter, validators
 
 from gesture_core.errors import ConfigError
-from gesture_core.settings import Settings, load_settings
+from gesture_core.settings import Settings, load_settings, presets
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Flags:
-    """Flags that change settings: defaults < preset file < environment < flags."""
+class PoseFlags:
+    """Flags that change settings, of commands that find people: defaults < preset < environment < flags."""
 
-    preset: Annotated[str | None, Parameter(help="Preset of the package, or a TOML file.")] = None
-    pose: Annotated[str | None, Parameter(help="Pose backend.")] = None
-    model: Annotated[str | None, Parameter(help="Pose network: a name of 'gesture models', or a file.")] = (
-        None
-    )
-    kernel: Annotated[str | None, Parameter(help="Distance kernel, or auto.")] = None
-    neighbors: Annotated[int | None, Parameter(help="k of the k-nearest-neighbour vote.")] = None
-    reject: Annotated[
-        str | None,
-        Parameter(help="Give no label beyond this distance, or beyond mean + K sd of its class: '3sd'."),
+    preset: Annotated[
+        str | None, Parameter(help=f"One of the package ({', '.join(presets())}), or a TOML file.")
     ] = None
     set: Annotated[
         tuple[str, ...],
@@ -33,18 +25,48 @@ class Flags:
             consume_multiple=False, show_default=False, help="Any setting, as key=value; may be repeated."
         ),
     ] = ()
+    pose: Annotated[str | None, Parameter(help="Pose backend.")] = None
+    model: Annotated[str | None, Parameter(help="Pose network: a name of 'gesture models', or a file.")] = (
+        None
+    )
 
     def settings(self) -> Settings:
         """The settings that the flags ask for."""
-        return load_settings(
-            self.preset,
-            self.set,
-            pose__backend=self.pose,
-            pose__model=self.model,
-            classify__kernel=self.kernel,
-            classify__neighbors=self.neighbors,
+        return load_settings(self.preset, self.set, **self._changes())
+
+    def _changes(self) -> dict[str, Any]:
+        """What the flags that stand for one setting say; None where one was not given."""
+        return {"pose__backend": self.pose, "pose__model": self.model}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class KernelFlags(PoseFlags):
+    """Those of commands that compute distances as well."""
+
+    kernel: Annotated[str | None, Parameter(help="Distance kernel, or auto.")] = None
+
+    def _changes(self) -> dict[str, Any]:
+        return {**super()._changes(), "classify__kernel": self.kernel}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Flags(KernelFlags):
+    """Those of commands that give labels as well."""
+
+    neighbors: Annotated[int | None, Parameter(help="k of the k-nearest-neighbour vote.")] = None
+    reject: Annotated[
+        str | None,
+        Parameter(help="Give no label beyond this distance, or beyond mean + K sd of its class: '3sd'."),
+    ] = None
+
+    def _changes(self) -> dict[str, Any]:
+        return {
+            **super()._changes(),
+            "classify__neighbors": self.neighbors,
             **_rejection(self.reject),
-        )
+        }
 
 
 def _switch(text: str) -> Parameter:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gesture_core.cli.flags import Flags
+from gesture_core.cli.flags import PoseFlags
 from gesture_core.cli.screen import counted, visible
 from gesture_core.errors import InputError, MediaError, PoseError
 
@@ -18,7 +18,7 @@ def render(
     video: Path,
     *,
     out: Path | None = None,
-    flags: Flags | None = None,
+    flags: PoseFlags | None = None,
     people: str | None = None,
     overwrite: bool = False,
 ) -> int:
@@ -39,7 +39,7 @@ def render(
     from gesture_core.media.reader import open_video
     from gesture_core.report.overlay import can_write_video, overlay, write_strip, write_video
 
-    settings = (flags or Flags()).settings()
+    settings = (flags or PoseFlags()).settings()
     if people is not None:
         settings = settings.with_values([("pose.people", people)], "--people")
     target = out or Path(f"{video.stem}-pose{'.mp4' if can_write_video() else '.png'}")

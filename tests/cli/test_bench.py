@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gesture_core.cli.bench import bench
-from gesture_core.cli.flags import Flags
+from gesture_core.cli.flags import KernelFlags
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import GestureError
 from gesture_core.plugin import registry
@@ -18,7 +18,7 @@ def test_own_data_are_timed_and_the_choice_is_printed_and_recorded(
     drawn: DemoArchive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "bench.json"
-    flags = Flags(kernel="numpy", preset="paper")
+    flags = KernelFlags(kernel="numpy", preset="paper")
     assert bench(str(drawn.example_keypoints), flags=flags, series=4, out=out) == 0
     printed = capsys.readouterr().out
     assert "4 series" in printed and "36 channels" in printed and "CPU µs / pair" in printed
@@ -31,11 +31,11 @@ def test_own_data_are_timed_and_the_choice_is_printed_and_recorded(
 
 
 def test_an_approximation_is_named_but_not_timed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert bench(flags=Flags(kernel="fastdtw"), series=3) == 0
+    assert bench(flags=KernelFlags(kernel="fastdtw"), series=3) == 0
     assert "fastdtw" in (printed := capsys.readouterr().out)
     assert "not timed" in printed or "does not compute" in printed
 
 
 def test_a_folder_without_series_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(GestureError):
-        bench(str(tmp_path), flags=Flags(kernel="numpy"), series=3)
+        bench(str(tmp_path), flags=KernelFlags(kernel="numpy"), series=3)

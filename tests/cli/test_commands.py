@@ -127,6 +127,9 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         ([*CLASSIFY, "--reject", "x"], 2, "3sd"),
         ([*CLASSIFY, "--set", "gausian.sigma=1"], 2, "gauss"),
         ([*CLASSIFY, "--neighbors", "99"], 2, "99"),
+        (["extract", "{videos}", "--out", "{out}", "--kernel", "numpy"], 2, "try: gesture extract --help"),
+        (["render", "{videos}", "--reject", "1"], 2, "try: gesture render --help"),
+        (["bench", "--neighbors", "1"], 2, "try: gesture bench --help"),
     ],
 )  # fmt: skip
 def test_mistakes_exit_with_two_and_say_what_would_be_right(
