@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from gesture_core.errors import ConfigError
-from gesture_core.settings import Settings, load_settings, presets, settings_from_dict
+from gesture_core.media.limits import Limits
+from gesture_core.settings import LimitSettings, Settings, load_settings, presets, settings_from_dict
 
 
 def load(*sets: str, preset: str | Path | None = "paper", environment: dict[str, str] | None = None, **flags):  # type: ignore[no-untyped-def]
@@ -82,3 +83,8 @@ def test_wrong_files_are_named(tmp_path: Path) -> None:
 def test_defaults_are_frozen() -> None:
     with pytest.raises(AttributeError):
         Settings().pose.model = "other"  # type: ignore[misc]
+
+
+def test_the_limits_of_a_video_are_those_of_the_settings() -> None:
+    assert Limits() == Limits.of(LimitSettings())
+    assert Limits.of(LimitSettings(pixels=7, frames=9)) == Limits(max_pixels=7, max_frames=9)

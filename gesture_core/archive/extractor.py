@@ -131,7 +131,7 @@ class Extractor:
         from gesture_core.pose.extract import extract_poses
 
         settings = self._job.settings
-        limits = Limits(max_pixels=settings.limits.pixels, max_frames=settings.limits.frames)
+        limits = Limits.of(settings.limits)
         with open_video(task.path, settings.pose.reader, limits) as video:
             frames = _Counted(video, on_frames)
             sequences = extract_poses(

@@ -46,7 +46,7 @@ def render(
     _check(video, target, overwrite=overwrite, can_write_video=can_write_video())
     found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
-    limits = Limits(max_pixels=settings.limits.pixels, max_frames=settings.limits.frames)
+    limits = Limits.of(settings.limits)
     with open_video(video, settings.pose.reader, limits) as frames:
         write = write_video if target.suffix.lower() == ".mp4" else write_strip
         count = write(overlay(frames, found), target)

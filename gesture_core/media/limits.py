@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gesture_core.errors import ConfigError
+from gesture_core.settings import LimitSettings
 
 # Containers that count in milliseconds claim 1000 frames/s where they know of none.
 MAX_FPS = 500.0
@@ -17,17 +18,17 @@ class Limits:
     Attributes
     ----------
     max_pixels : int
-        Width times height of a frame; the default is one 8K UHD picture (7680 x 4320).
+        Width times height of a frame; the default is that of the setting ``limits.pixels``.
     max_frames : int
-        Frames that are decoded; the default is more than four and a half hours at 30 frames/s.
+        Frames that are decoded; the default is that of the setting ``limits.frames``.
     max_seconds : float
         Time stamp of the last frame, in seconds; the default is six hours.
     max_streams : int
         Streams that a container may announce.
     """
 
-    max_pixels: int = 7680 * 4320
-    max_frames: int = 500_000
+    max_pixels: int = LimitSettings.pixels
+    max_frames: int = LimitSettings.frames
     max_seconds: float = 6 * 3600.0
     max_streams: int = 64
 
@@ -37,3 +38,8 @@ class Limits:
                 raise ConfigError(
                     f"{name} is {getattr(self, name)!r}, it must be above zero", code="E_OPTION"
                 )
+
+    @classmethod
+    def of(cls, settings: LimitSettings) -> Limits:
+        """Those that a user asks for; what is no setting keeps its default."""
+        return cls(max_pixels=settings.pixels, max_frames=settings.frames)
