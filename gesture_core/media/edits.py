@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import BinaryIO
 
 from gesture_core.media.boxes import boxes, child, movie_header
@@ -19,71 +18,68 @@ _ROUND = (100, 11025, 999)
 _POWER, _LEAST = 512, 10_000
 
 
-@dataclass(frozen=True)
-class Edits:
-    """Clocks and lengths that a track's header states; lengths in ticks of the movie's clock."""
-
-    movie_clock: int
-    media_clock: int
-    track_length: int
-    edits_length: int
-    media_length: int
-    samples_length: int
-
-    @property
-    def doubt(self) -> str:
-        """What contradicts what; empty where all agrees."""
-        if abs(self.track_length - self.edits_length) > max(2, self.track_length // 500):
-            return f"edits of {self.edits_length} ticks in a track of {self.track_length}"
-        if abs(self.media_length - self.samples_length) > max(2, self.media_length // 50):
-            return f"samples of {self.samples_length} ticks in a medium of {self.media_length}"
-        for clock in (self.movie_clock, self.media_clock):
-            usual = clock >= _LEAST and clock % _POWER == 0
-            if clock > 100_000_000 or (not usual and all(clock % unit for unit in _ROUND)):
-                return f"a clock of {clock} ticks a second"
-        return ""
+# Lengths of the full boxes that hold a clock or a length, by version.
+_LENGTHS = {b"mvhd": (100, 112), b"tkhd": (84, 96), b"mdhd": (24, 36)}
 
 
-def read_edits(file: BinaryIO, track: int) -> Edits | None:
-    """The edits of track number ``track``; None where the header holds none or cannot be parsed.
+class _Contradiction(Exception):
+    """What speaks against a header."""
 
-    The file's position is kept.
+
+def doubt(file: BinaryIO, track: int) -> str:
+    """Why the frames that track number ``track`` hides may not be hidden on purpose.
+
+    Empty where the header agrees with itself. The file's position is kept.
     """
     position = file.tell()
     try:
-        header = movie_header(file)
-        return _edits(header, track) if header else None
+        _check(movie_header(file), track)
     except (struct.error, IndexError):
-        return None
+        return "a header that cannot be read"
+    except _Contradiction as found:
+        return str(found)
     finally:
         file.seek(position)
+    return ""
 
 
-def _edits(header: bytes, track: int) -> Edits | None:
-    movie = child(header, b"mvhd")
+def _check(header: bytes, track: int) -> None:
+    movie_clock = _fields(header, b"mvhd", ">III", ">QQI", 2)[0]
+    body = _track(header, track)
+    edits = child(body, b"edts", b"elst")
+    if not edits:
+        raise _Contradiction("frames are hidden, and no edit list hides them")
+    media = child(body, b"mdia")
+    clock, media_length = _fields(media, b"mdhd", ">IIII", ">QQIQ", 2, 3)
+    steps = child(media, b"minf", b"stbl", b"stts")
+    track_length = _fields(body, b"tkhd", ">III4xI", ">QQI4xQ", 3)[0]
+    edits_length = _total(edits, ">IiI", ">QqI", lambda entry: entry[0])
+    samples_length = _total(steps, ">II", ">II", lambda entry: entry[0] * entry[1])
+    if abs(track_length - edits_length) > max(2, track_length // 500):
+        raise _Contradiction(f"edits of {edits_length} ticks in a track of {track_length}")
+    if abs(media_length - samples_length) > max(2, media_length // 50):
+        raise _Contradiction(f"samples of {samples_length} ticks in a medium of {media_length}")
+    for rate in (movie_clock, clock):
+        usual = rate >= _LEAST and rate % _POWER == 0
+        if rate > 100_000_000 or (not usual and all(rate % unit for unit in _ROUND)):
+            raise _Contradiction(f"a clock of {rate} ticks a second")
+
+
+def _track(header: bytes, number: int) -> bytes:
+    """Content of the track with that number."""
     for kind, body in boxes(header):
-        if kind != b"trak":
-            continue
-        number, length = _fields(child(body, b"tkhd"), ">III4xI", ">QQI4xQ", 2, 3)
-        edits = child(body, b"edts", b"elst")
-        if number != track or not edits:
-            continue
-        clock, media_length = _fields(child(body, b"mdia", b"mdhd"), ">IIII", ">QQIQ", 2, 3)
-        steps = child(body, b"mdia", b"minf", b"stbl", b"stts")
-        return Edits(
-            movie_clock=_fields(movie, ">III", ">QQI", 2)[0],
-            media_clock=clock,
-            track_length=length,
-            edits_length=_total(edits, ">IiI", ">QqI", lambda entry: entry[0]),
-            media_length=media_length,
-            samples_length=_total(steps, ">II", ">II", lambda entry: entry[0] * entry[1]),
-        )
-    return None
+        if kind == b"trak" and _fields(body, b"tkhd", ">III", ">QQI", 2)[0] == number:
+            return body
+    raise _Contradiction(f"no track has the number {number}")
 
 
-def _fields(box: bytes, short: str, long: str, *wanted: int) -> tuple[int, ...]:
+def _fields(parent: bytes, kind: bytes, short: str, long: str, *wanted: int) -> tuple[int, ...]:
     """Numbers at the places ``wanted`` of a full box, whose version decides its field widths."""
-    values = struct.unpack_from(long if box[0] == 1 else short, box, 4)
+    box = child(parent, kind)
+    version = box[0]
+    if version > 1 or len(box) != _LENGTHS[kind][version]:
+        raise _Contradiction(f"a box {kind.decode()} of {len(box)} bytes in version {version}")
+    values = struct.unpack_from(long if version else short, box, 4)
     return tuple(values[index] for index in wanted)
 
 

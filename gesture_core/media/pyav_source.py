@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gesture_core.media.account import Account
-from gesture_core.media.edits import read_edits
+from gesture_core.media.edits import doubt
 from gesture_core.media.fragments import read_chain
 from gesture_core.media.info import SQUARE, Ledger, MediaInfo
 from gesture_core.media.limits import MAX_FPS, Limits
@@ -167,11 +167,13 @@ class PyAvSource(Source):
             declared = self._check_fragments(declared)
         cut = self._account.cut and self._format == "mov"
         if cut:
-            edits = read_edits(self._file, self._stream.id)
-            if edits is not None and edits.doubt:
-                self._ledger.damage(f"frames hidden by a header that contradicts itself: {edits.doubt}")
+            contradiction = doubt(self._file, self._stream.id)
+            if contradiction:
+                self._ledger.damage(f"frames hidden by a header that contradicts itself: {contradiction}")
+        holes = self._account.holes
         self._account.settle(
             self._ledger,
+            holes=holes.large + (holes.small(self._file) if self._format == "matroska" else 0),
             declared=declared,
             duration=self._duration(cut),
             tolerance=_DURATION_HOLDS.get(self._format, 0.6),

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from gesture_core.media.account import Account, gaps
 from gesture_core.media.clock import Clock
-from gesture_core.media.edits import read_edits
+from gesture_core.media.edits import doubt
+from gesture_core.media.holes import Holes
 from gesture_core.media.info import MAX_NOTES, Ledger
 from gesture_core.media.upright import fit, quarter_turns, upright
 
@@ -90,6 +91,34 @@ def test_an_account_out_of_order_is_damage(
     assert ledger.damaged >= 1 and ledger.clauses()
 
 
+@pytest.mark.parametrize(
+    ("between", "found"),
+    [
+        (b"", 0),
+        (b"\xa3\x92\x83\0\0\0" + bytes(18), 1),  # a block of a track that is not there
+        (b"\x1f\x43\xb6\x75\x01" + bytes(7) + b"\xe7\x82\0\0", 0),  # where a cluster begins
+        (b"\xab\x81\x07", 0),  # an element that is too short for a block
+    ],
+)
+def test_a_stretch_that_may_have_held_a_block_is_a_hole(between: bytes, found: int) -> None:
+    header = b"\xa3\x95\x81\0\0\0"
+    data, holes = b"", Holes()
+    for index in range(20):
+        data += (between if index == 10 else b"") + header
+        holes.passed(len(data), 15)
+        data += bytes(15)
+    file = io.BytesIO(data)
+    file.seek(7)
+    assert (holes.large, holes.small(file), file.tell()) == (0, found, 7)
+
+
+def test_a_long_stretch_is_a_hole_whatever_it_holds() -> None:
+    holes = Holes()
+    for position in (100, 200, 261, None, 260):
+        holes.passed(position, 60)
+    assert holes.large == 1
+
+
 def test_a_hostile_file_cannot_fill_memory_with_notes() -> None:
     ledger = Ledger()
     for index in range(10_000):
@@ -102,34 +131,44 @@ def _box(kind: bytes, body: bytes) -> bytes:
 
 
 def _movie(*, clock: int = 1000, media_clock: int = 12800, track: int = 700, edits: int = 700) -> bytes:
-    moov = _box(b"mvhd", struct.pack(">IIIII", 0, 0, 0, clock, track))
-    tkhd = _box(b"tkhd", struct.pack(">IIIIII", 0, 0, 0, 7, 0, track))
+    moov = _box(b"mvhd", struct.pack(">IIIII80x", 0, 0, 0, clock, track))
+    tkhd = _box(b"tkhd", struct.pack(">IIIIII60x", 0, 0, 0, 7, 0, track))
     elst = _box(b"edts", _box(b"elst", struct.pack(">IIIiI", 0, 1, edits, 0, 1 << 16)))
     stbl = _box(b"minf", _box(b"stbl", _box(b"stts", struct.pack(">IIII", 0, 1, 36, 512))))
-    mdia = _box(b"mdia", _box(b"mdhd", struct.pack(">IIIII", 0, 0, 0, media_clock, 18432)) + stbl)
+    mdia = _box(b"mdia", _box(b"mdhd", struct.pack(">IIIII4x", 0, 0, 0, media_clock, 18432)) + stbl)
     return _box(b"ftyp", b"isom") + _box(b"moov", moov + _box(b"trak", tkhd + elst + mdia))
 
 
 def test_a_consistent_edit_list_is_believed() -> None:
-    edits = read_edits(io.BytesIO(_movie()), 7)
-    assert edits is not None and edits.doubt == "" and edits.samples_length == 18432
-    assert read_edits(io.BytesIO(_movie()), 8) is None
+    assert doubt(io.BytesIO(_movie()), 7) == ""
 
 
 @pytest.mark.parametrize(
     "change", [{"edits": 300}, {"track": 1440}, {"clock": 1049576}, {"media_clock": 8704}]
 )
 def test_an_edit_list_that_contradicts_the_header_is_doubted(change: dict[str, int]) -> None:
-    edits = read_edits(io.BytesIO(_movie(**change)), 7)
-    assert edits is not None and edits.doubt
+    assert doubt(io.BytesIO(_movie(**change)), 7)
+
+
+def test_hidden_frames_without_a_track_or_an_edit_list_are_doubted() -> None:
+    assert "number 8" in doubt(io.BytesIO(_movie()), 8)
+    assert "no edit list" in doubt(io.BytesIO(_movie().replace(b"elst", b"free")), 7)
+
+
+@pytest.mark.parametrize("kind", [b"mvhd", b"tkhd", b"mdhd"])
+def test_a_header_box_of_the_wrong_version_or_without_its_name_is_doubted(kind: bytes) -> None:
+    data = bytearray(_movie())
+    data[data.index(kind) + 4] = 1
+    assert kind.decode() in doubt(io.BytesIO(bytes(data)), 7)
+    assert doubt(io.BytesIO(_movie().replace(kind, kind.upper())), 7)
 
 
 @given(st.binary(max_size=200), st.integers(0, 260))
 def test_no_header_breaks_the_parser(noise: bytes, at: int) -> None:
     data = bytearray(_movie())
     data[at : at + len(noise)] = noise
-    read_edits(io.BytesIO(bytes(data)), 7)
-    read_edits(io.BytesIO(noise), 7)
+    doubt(io.BytesIO(bytes(data)), 7)
+    doubt(io.BytesIO(noise), 7)
 
 
 def test_upright_turns_clockwise() -> None:

@@ -202,6 +202,14 @@ def test_a_lost_block_in_a_steady_matroska_is_damage(clips: Path, tmp_path: Path
     assert any("gap" in note for note in report.notes)
 
 
+def test_a_camera_that_drops_a_frame_at_a_cluster_s_start_is_believed(tmp_path: Path) -> None:
+    stamps = [40 * index for index in range(FRAMES + 1) if index != 12]
+    options = {"cluster_time_limit": "480", "live": "0"}
+    write_clip(tmp_path / "drop.mkv", "mjpeg", stamps=stamps, container_options=options)
+    times, report = read(tmp_path / "drop.mkv", "pyav")
+    assert len(times) == FRAMES and report.complete, report.notes
+
+
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.97])
 def test_a_cut_matroska_is_damage(clips: Path, tmp_path: Path, share: float) -> None:
     data = (clips / "mjpeg.mkv").read_bytes()
