@@ -16,8 +16,8 @@ import numpy as np
 
 from gesture_core.errors import MediaError
 from gesture_core.media.fragments import picture_tracks, read_chain
-from gesture_core.media.info import SQUARE, Ledger, MediaInfo
-from gesture_core.media.limits import MAX_FPS, Limits
+from gesture_core.media.info import SQUARE, MediaInfo
+from gesture_core.media.limits import MAX_FPS
 from gesture_core.media.sniff import CONTAINERS
 from gesture_core.media.source import AGAIN, Source
 from gesture_core.media.upright import quarter_turns
@@ -50,28 +50,17 @@ class OpenCvSource(Source):
 
     name = "opencv"
 
-    def __init__(
-        self,
-        file: BinaryIO,
-        path: str | os.PathLike[str],
-        container: str,
-        limits: Limits,
-        ledger: Ledger,
-    ) -> None:
-        super().__init__(file, path, container, limits, ledger)
-        self._size = os.fstat(file.fileno()).st_size
+    def _start(self) -> MediaInfo:
+        self._size = os.fstat(self._file.fileno()).st_size
         self._count = 0
         self._stamps: list[float] = []
-        self._tracks = picture_tracks(file) if container == "mov" else {}
-        self._capture = _capture(file, path)
-        try:
-            if not self._capture.isOpened():
-                raise self._unopened(file)
-            self._first = self._open()
-            self.info = self._describe(self._first[1])
-        except BaseException:
-            self.close()
-            raise
+        self._tracks = picture_tracks(self._file) if self._format == "mov" else {}
+        self._capture = _capture(self._file, self._path)
+        self._opened.callback(self._capture.release)
+        if not self._capture.isOpened():
+            raise self._unopened()
+        self._first = self._open()
+        return self._describe(self._first[1])
 
     def _open(self) -> tuple[float | None, np.ndarray]:
         import cv2
@@ -83,11 +72,11 @@ class OpenCvSource(Source):
             raise self._no_frame()
         return first
 
-    def _unopened(self, file: BinaryIO) -> MediaError:
+    def _unopened(self) -> MediaError:
         """OpenCV does not say why it fails; a container that names no picture track is told apart here."""
         mark, kinds = _PICTURE_TRACKS.get(self._format, (b"", b""))
-        head = os.pread(file.fileno(), _SEARCHED, 0) if hasattr(os, "pread") else b""
-        tail = os.pread(file.fileno(), _SEARCHED, max(0, self._size - _SEARCHED)) if head else b""
+        head = os.pread(self._file.fileno(), _SEARCHED, 0) if hasattr(os, "pread") else b""
+        tail = os.pread(self._file.fileno(), _SEARCHED, max(0, self._size - _SEARCHED)) if head else b""
         if mark and mark not in head + tail and any(kind in head + tail for kind in kinds.split()):
             return self._error("holds no video stream", "E_MEDIA_NO_VIDEO", "leave it out")
         return self._error(
@@ -145,10 +134,6 @@ class OpenCvSource(Source):
             self._count += 1
             yield item
         self._settle(self._count + 1)
-
-    def close(self) -> None:
-        """Release the decoder."""
-        self._capture.release()
 
     def _next(self) -> tuple[float | None, np.ndarray] | None:
         import cv2

@@ -7,18 +7,17 @@ the file lacks, and packets from which no frame came.
 
 from __future__ import annotations
 
-import os
 from collections import deque
 from collections.abc import Iterator
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from gesture_core.media.account import Account
 from gesture_core.media.edits import doubt
 from gesture_core.media.fragments import read_chain
-from gesture_core.media.info import SQUARE, Ledger, MediaInfo
-from gesture_core.media.limits import MAX_FPS, Limits
+from gesture_core.media.info import SQUARE, MediaInfo
+from gesture_core.media.limits import MAX_FPS
 from gesture_core.media.pyav_ear import Ear, refuse
 from gesture_core.media.source import AGAIN, Source
 from gesture_core.media.upright import display_matrix, orientation
@@ -46,40 +45,28 @@ class PyAvSource(Source):
 
     name = "pyav"
 
-    def __init__(
-        self,
-        file: BinaryIO,
-        path: str | os.PathLike[str],
-        container: str,
-        limits: Limits,
-        ledger: Ledger,
-    ) -> None:
-        super().__init__(file, path, container, limits, ledger)
+    def _start(self) -> MediaInfo:
         self._account = Account()
-        self._ear = Ear(self._subject, ledger)
-        try:
-            self._open()
-            self._origin = self._stream.start_time or 0
-            # AVI stamps packets, not pictures: the n-th picture shown has the n-th packet's stamp,
-            # whatever the order in which a decoder needs them.
-            self._stamps_packets = container == "avi"
-            self._packet_stamps: deque[int | None] = deque()
-            self._frames = self._decode()
-            self._first = next(self._frames, None)
-            if self._first is None:
-                raise self._no_frame()
-            self.info = self._describe(self._first)
-        except BaseException:
-            self.close()
-            raise
+        self._ear = Ear(self._subject, self._ledger)
+        self._opened.callback(self._ear.close)
+        self._open()
+        self._origin = self._stream.start_time or 0
+        # AVI stamps packets, not pictures: the n-th picture shown has the n-th packet's stamp,
+        # whatever the order in which a decoder needs them.
+        self._stamps_packets = self._format == "avi"
+        self._packet_stamps: deque[int | None] = deque()
+        self._frames = self._decode()
+        self._first = next(self._frames, None)
+        if self._first is None:
+            raise self._no_frame()
+        return self._describe(self._first)
 
     def _open(self) -> None:
         import av
         from av.video.reformatter import VideoReformatter
 
-        self._container: Any = None
         with self._ear.hear(fatal=True):
-            self._container = av.open(
+            self._container: Any = av.open(
                 self._file,
                 "r",
                 format=self._format,
@@ -87,6 +74,7 @@ class PyAvSource(Source):
                 io_open=refuse,
                 container_options={"max_streams": str(self._limits.max_streams)},
             )
+            self._opened.callback(self._container.close)
             self._stream: Any = self._container.streams.best("video")
         if not len(self._container.streams):
             raise self._error("its container holds no stream at all", "E_MEDIA_BROKEN", AGAIN)
@@ -188,13 +176,6 @@ class PyAvSource(Source):
         if unread > max(_UNREAD, chain.payload // 50):
             self._ledger.damage(f"{unread} bytes of media data belong to no packet")
         return (declared or 0) + chain.samples.get(self._stream.id, 0) or None
-
-    def close(self) -> None:
-        """Release the decoder."""
-        container, self._container = getattr(self, "_container", None), None
-        if container is not None:
-            container.close()
-        self._ear.close()
 
     def _stamp(self, frame: Any) -> float | None:
         if frame.pts is None:

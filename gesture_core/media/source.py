@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
+from contextlib import ExitStack
 from typing import BinaryIO
 
 from gesture_core.errors import MediaError
-from gesture_core.media.info import Ledger
+from gesture_core.media.info import Ledger, MediaInfo
 from gesture_core.media.limits import Limits
 from gesture_core.media.sniff import printable
 
@@ -14,8 +16,10 @@ AGAIN = "copy it again from where it came"
 """Remedy for a damaged file."""
 
 
-class Source:
+class Source(ABC):
     """The frames of one open file, as stored, with the container's stamps.
+
+    Its first frame is decoded at once, and described in ``info``.
 
     Parameters
     ----------
@@ -43,6 +47,24 @@ class Source:
         self._format = container
         self._limits = limits
         self._ledger = ledger
+        self._path = path
+        self._opened = ExitStack()
+        try:
+            self.info = self._start()
+        except BaseException:
+            self.close()
+            raise
+
+    @abstractmethod
+    def _start(self) -> MediaInfo:
+        """Open the decoder, decode the first frame, describe the video.
+
+        What must be released goes to ``_opened`` as soon as it is there.
+        """
+
+    def close(self) -> None:
+        """Release the decoder, however far it was opened."""
+        self._opened.close()
 
     def _check_size(self, width: float, height: float) -> None:
         """A MediaError where a picture of ``width`` x ``height`` pixels exceeds the limit."""
