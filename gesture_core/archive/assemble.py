@@ -12,6 +12,8 @@ from gesture_core.types import PoseSequence, Prediction
 
 # Nothing went wrong with such an input: it was read, and no label is warranted.
 _NO_GESTURE = frozenset({"E_NO_PERSON", "E_POSE_SPARSE", "E_POSE_SCALE", "E_NO_SALIENT", "E_NO_COMMON"})
+_PLUGINS = ("E_PLUGIN", "E_WORKER")
+"""How codes begin for which a plugin is to blame, not the input."""
 
 
 def skipped_row(item: Input, fingerprint: str) -> Row:
@@ -27,11 +29,12 @@ def skipped_row(item: Input, fingerprint: str) -> Row:
 
 def broken_row(item: Input, fingerprint: str) -> Row:
     """The row of something that should be readable and is not."""
+    what = "another version of the plugin" if item.code.startswith(_PLUGINS) else "repairing it"
     return Row(
         item.name,
         status="error",
         code=item.code,
-        message=f"{item.name}: {item.fault}; try: repairing it, then --retry-errors",
+        message=f"{item.name}: {item.fault}; try: {what}, then --retry-errors",
         fingerprint=fingerprint,
     )
 

@@ -155,15 +155,20 @@ class _Walk:
             return
         entries = [entry for entry in entries if not entry.name.startswith(".")]
         self._readers.expect([folder, *(e for e in entries if e not in folders and not _is_video(e))])
-        reader, _ = self._readers.of(folder)
+        reader, fault = self._readers.of(folder)
         if reader:
             yield from self._members(folder, reader)
         for entry in entries:
             if entry in folders:
                 yield entry
             else:
-                # What nobody else reads in a folder of keypoint files belongs to that folder.
-                yield from (item for item in self._file(entry) if not (reader and item.kind == "other"))
+                for item in self._file(entry):
+                    if item.kind != "other":
+                        yield item
+                    elif fault:  # it may have been a folder of keypoint files; nobody can say
+                        yield replace(item, kind="broken", code=fault[0], fault=f"of its folder, {fault[1]}")
+                    elif not reader:  # in a folder of keypoint files it belongs to that folder
+                        yield item
 
     def _file(self, path: Path) -> Iterator[Input]:
         name = printable(os.fspath(path))
@@ -176,11 +181,13 @@ class _Walk:
         elif _is_video(path):
             yield Input(path, name, "video")
         else:
-            reader, broken = self._readers.of(path)
+            reader, trouble = self._readers.of(path)
             if reader:
                 yield from self._members(path, reader)
+            elif trouble:
+                yield _broken(path, *trouble)
             else:
-                yield Input(path, name, "other", fault=f"neither a video nor a keypoint file{broken}")
+                yield Input(path, name, "other", fault="neither a video nor a keypoint file")
 
     def _members(self, path: Path, reader: str) -> Iterator[Input]:
         name = printable(os.fspath(path))

@@ -62,7 +62,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             if run.added:
                 prune(keypoint_store(), request.settings.limits.cache)
         failed = tuple(journal.rows("example"))
-        lost = {str(item.label) for item in plan.examples} - _usable(plan.examples, failed)
+        lost = _labels(plan.examples) - _labels(_usable(plan.examples, failed))
         return RunSummary(
             request.out,
             journal.counts(),
@@ -76,9 +76,13 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         )
 
 
-def _usable(examples: Sequence[Input], failed: Sequence[Row]) -> set[str]:
+def _usable(examples: Sequence[Input], failed: Sequence[Row]) -> list[Input]:
     names = {row.input for row in failed}
-    return {str(item.label) for item in examples if item.name not in names}
+    return [item for item in examples if item.name not in names]
+
+
+def _labels(examples: Sequence[Input]) -> set[str]:
+    return {item.label for item in examples if item.label}
 
 
 @dataclass

@@ -12,15 +12,20 @@ from gesture_core.plugin import registry
 
 _TOGETHER = 1000
 
+Fault = tuple[str, str]
+"""Code and cause of a reader's failure to say whether a file is its own."""
 
-def accepts(reader: str, path: Path) -> bool | str:
-    """Whether ``reader`` takes ``path``; a sentence that names it where that fails."""
+
+def accepts(reader: str, path: Path) -> bool | Fault:
+    """Whether ``reader`` takes ``path``; where that fails, why."""
     try:
         return bool(registry().make("reader", reader).accepts(path))
     except GestureError as error:
-        return error.cause
+        return error.code, error.cause
+    except OSError as error:
+        return "E_READ", f"{_title(reader)} cannot read it: {error.strerror or error}"
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
-        return f"{_title(reader)} raised {type(error).__name__}: {error}"
+        return "E_PLUGIN_RAISED", f"{_title(reader)} raised {type(error).__name__}: {error}"
 
 
 def members(reader: str, path: Path) -> list[str]:
@@ -67,17 +72,18 @@ class Readers:
             for name in self._names
             if sandbox is not None and not plugins.find("reader", name).origin.built_in
         }
-        self._known: dict[tuple[str, Path], bool | str] = {}
+        self._known: dict[tuple[str, Path], bool | Fault] = {}
 
-    def of(self, path: Path) -> tuple[str, str]:
-        """The first reader by name that takes ``path``, or none and what went wrong with others."""
-        broken = ""
+    def of(self, path: Path) -> tuple[str, Fault | None]:
+        """The first reader by name that takes ``path``; or none, and how others failed at it."""
+        faults = []
         for name in self._names:
             answer = self._accepts(name, path)
             if answer is True:
-                return name, ""
-            broken += f"; {answer}" if answer else ""
-        return "", broken
+                return name, None
+            if answer:
+                faults.append(answer)
+        return "", (faults[0][0], "; ".join(cause for _, cause in faults)) if faults else None
 
     def expect(self, paths: Sequence[Path]) -> None:
         """Ask the sandbox about many paths at once, of which `of` is going to be asked one by one."""
@@ -102,7 +108,7 @@ class Readers:
             raise PluginError(f"{_title(reader)}: {death.cause}", code=death.code) from death
         return found
 
-    def _accepts(self, reader: str, path: Path) -> bool | str:
+    def _accepts(self, reader: str, path: Path) -> bool | Fault:
         if reader not in self._foreign:
             return accepts(reader, path)
         if (reader, path) in self._known:
@@ -111,15 +117,13 @@ class Readers:
             try:
                 return self._ask(reader, [path])[0]
             except SandboxDeath as death:
-                cause = f"{_title(reader)}: {death.cause}"
-        return cause
+                fault = death.code, f"{_title(reader)}: {death.cause}"
+        return fault
 
-    def _ask(self, reader: str, paths: Sequence[Path]) -> list[bool | str]:
+    def _ask(self, reader: str, paths: Sequence[Path]) -> list[bool | Fault]:
         assert self._sandbox is not None
-        answers: list[bool | str] = self._sandbox.ask(
-            "accepts", reader=reader, paths=[_hex(path) for path in paths]
-        )
-        return answers
+        answers = self._sandbox.ask("accepts", reader=reader, paths=[_hex(path) for path in paths])
+        return [answer if isinstance(answer, bool) else (answer[0], answer[1]) for answer in answers]
 
 
 def _hex(path: Path) -> str:

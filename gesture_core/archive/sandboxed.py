@@ -14,7 +14,7 @@ from typing import Any
 from gesture_core.archive.child import MEMORY
 from gesture_core.archive.deciding import Arrived, Decider, Example
 from gesture_core.archive.exporting import suffix_of, write_rows
-from gesture_core.archive.readers import accepts, members
+from gesture_core.archive.readers import Fault, accepts, members
 from gesture_core.archive.sandbox import told
 from gesture_core.archive.serving import Message, Reply, serve
 from gesture_core.archive.store import read_keypoints
@@ -29,7 +29,7 @@ class _Sandboxed:
         self._decider: Decider | None = None
         self._store = Path()
 
-    def accepts(self, alive: Callable[[], None], reader: str, paths: Sequence[str]) -> list[bool | str]:
+    def accepts(self, alive: Callable[[], None], reader: str, paths: Sequence[str]) -> list[bool | Fault]:
         """For each path whether the reader takes it, or what went wrong."""
         answers = []
         for path in paths:

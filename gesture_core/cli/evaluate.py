@@ -117,7 +117,11 @@ def _labelled(sources: Sequence[str], labels: str, out: Path | None) -> list[Inp
     if len(found) < len(every):
         left = counted(len(every) - len(found), "file")
         print(f"left out as neither video nor keypoints: {left}", file=sys.stderr)
-    return label_inputs(found, labels, sources)
+    labelled = label_inputs(found, labels, sources)
+    for item in labelled:
+        if not item.label:
+            raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
+    return labelled
 
 
 def _examples(items: Sequence[Input], train: str, protocol: str) -> list[bool] | None:

@@ -63,12 +63,24 @@ def open_regular(path: Path, max_bytes: int) -> BinaryIO:
 
 
 def head_of(path: Path, count: int) -> bytes:
-    """The first ``count`` bytes of ``path``, none where it is no readable regular file."""
+    """The first ``count`` bytes of ``path``, none where it is no regular file.
+
+    Raises
+    ------
+    KeypointError
+        `E_KEYPOINTS_UNREADABLE` where the file is there and cannot be read: whose it is, nobody can say.
+    """
     try:
         with open_regular(path, 1 << 62) as file:
             return file.read(count)
-    except (KeypointError, OSError):
+    except KeypointError as error:
+        if isinstance(error.__cause__, OSError):
+            raise
         return b""
+    except OSError as error:
+        raise KeypointError(
+            f"cannot be read: {error.strerror}", subject=printable(path), code="E_KEYPOINTS_UNREADABLE"
+        ) from error
 
 
 def check_options(fps: float, people: str) -> None:
