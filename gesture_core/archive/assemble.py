@@ -11,7 +11,9 @@ from gesture_core.archive.work import Outcome
 from gesture_core.types import PoseSequence, Prediction
 
 # Nothing went wrong with such an input: it was read, and no label is warranted.
-_NO_GESTURE = frozenset({"E_NO_PERSON", "E_POSE_SPARSE", "E_POSE_SCALE", "E_NO_SALIENT", "E_NO_COMMON"})
+_NO_GESTURE = frozenset(
+    {"E_NO_PERSON", "E_POSE_SHORT", "E_POSE_SPARSE", "E_POSE_SCALE", "E_NO_SALIENT", "E_NO_COMMON"}
+)
 _PLUGINS = ("E_PLUGIN", "E_WORKER")
 """How codes begin for which a plugin is to blame, not the input."""
 

@@ -74,8 +74,8 @@ class Chain:
         Raises
         ------
         PoseError
-            E_POSE_SPARSE where a person is seen in too few frames, E_POSE_SCALE where the
-            normalizer finds no scale.
+            E_POSE_SHORT where there are too few frames, E_POSE_SPARSE where a person is seen in too
+            few of them, E_POSE_SCALE where the normalizer finds no scale.
         SignalError
             E_NO_SALIENT where no channel moves enough to be compared.
         PluginError

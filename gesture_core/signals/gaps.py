@@ -43,14 +43,22 @@ def require_pose(pose: PoseSequence, rule: GapRule) -> PoseSequence:
     Raises
     ------
     PoseError
-        E_POSE_SPARSE where fewer frames than ``rule`` demands hold a pose.
+        E_POSE_SHORT where there are fewer frames than ``rule`` demands, E_POSE_SPARSE where fewer
+        of them hold a pose.
     """
     with_pose = pose.seen.any(axis=1)
-    count, frames = int(with_pose.sum()), len(pose)
-    if count < max(rule.min_frames, 1) or count < rule.min_pose * frames:
+    count, frames, least = int(with_pose.sum()), len(pose), max(rule.min_frames, 1)
+    if frames < least:
+        raise PoseError(
+            f"is only {frames} {'frame' if frames == 1 else 'frames'} long, at least {least} are needed",
+            subject=pose.source,
+            remedy="a longer clip, or a lower signals.min_frames",
+            code="E_POSE_SHORT",
+        )
+    if count < least or count < rule.min_pose * frames:
         raise PoseError(
             f"a person was found in {count} of {frames} frames, "
-            f"at least {max(rule.min_frames, 1)} and {rule.min_pose:.0%} are needed",
+            f"at least {least} and {rule.min_pose:.0%} are needed",
             subject=pose.source,
             remedy="another pose network, a lower pose.score, or a clip in which the person is seen",
             code="E_POSE_SPARSE",

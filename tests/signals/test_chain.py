@@ -133,7 +133,7 @@ def test_nobody_is_sparse() -> None:
 
 
 def test_no_frames_at_all() -> None:
-    with pytest.raises(PoseError, match="E_POSE_SPARSE"):
+    with pytest.raises(PoseError, match="E_POSE_SHORT"):
         chain()(PoseSequence(np.empty((0, 18, 2)), np.empty((0, 18)), np.empty(0)))
 
 

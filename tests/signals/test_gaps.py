@@ -84,6 +84,15 @@ def test_too_few_frames_with_a_pose(kept: int) -> None:
     assert caught.value.subject == "clip"
 
 
+@pytest.mark.parametrize("frames", [0, 1, 4])
+def test_a_clip_too_short_to_judge_is_no_matter_of_the_network(frames: int) -> None:
+    with pytest.raises(PoseError) as caught:
+        require_pose(pose(standing(frames)), GapRule(min_frames=5))
+    assert caught.value.code == "E_POSE_SHORT" and "network" not in str(caught.value)
+    assert "longer clip" in caught.value.remedy
+    require_pose(pose(standing(5)), GapRule(min_frames=5))
+
+
 def test_one_joint_is_a_pose() -> None:
     points = np.full((12, 18, 2), np.nan)
     points[:, J["nose"]] = 1.0
