@@ -7,7 +7,9 @@ import json
 import re
 import shutil
 import tempfile
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,8 @@ from gesture_core.pose.model_file import ModelFile, read_bounded
 from gesture_core.pose.models import file_model
 
 _PROTOTXT_LIMIT = 1 << 20
+_ADDING = ".adding-"
+_LONG_AGO = 24 * 3600.0
 
 
 def add_model(
@@ -53,7 +57,7 @@ def add_model(
     ------
     ModelError
         ``E_MODEL_HASH`` for another hash, ``E_MODEL_EXISTS`` where the name is taken, and others
-        from reading the file. The folder is then as it was.
+        from reading the file. The model that was there is then as it was.
     """
     found = file_model(source)
     check_hash(found.sha256, sha256, str(source))
@@ -64,7 +68,7 @@ def add_model(
             f"{name!r} is the package's own network", remedy="another --name", code="E_MODEL_EXISTS"
         )
     card = {
-        "file": f"model{source.suffix.lower()}",
+        "file": f"model-{found.sha256[:12]}{source.suffix.lower()}",
         "sha256": found.sha256,
         "licence": licence or (known.licence if known else ""),
         "origin": origin or str(source),
@@ -125,7 +129,12 @@ def _contract(
 
 
 def _store(name: str, found: ModelFile, card: Mapping[str, Any], replace: bool) -> None:
-    """Fill a folder beside the final one, then give it its name: no half-added model is ever seen."""
+    """Put a network and its card into the folder of ``name``.
+
+    A new folder is filled beside its place and renamed. In one that is there the card decides which
+    file is the model, and it changes last, by one rename: whatever ends this half-way, the name stands
+    for the old model or for the new one.
+    """
     folder = models_dir()
     target = folder / name
     if target.exists() and not replace:
@@ -137,18 +146,40 @@ def _store(name: str, found: ModelFile, card: Mapping[str, Any], replace: bool) 
             code="E_MODEL_EXISTS",
         )
     folder.mkdir(parents=True, exist_ok=True)
-    new = Path(tempfile.mkdtemp(prefix=".adding-", dir=folder))
+    _tidy(folder)
+    if target.exists():
+        _fill(target, found, card)
+        return
+    new = Path(tempfile.mkdtemp(prefix=_ADDING, dir=folder))
     try:
-        (new / card["file"]).write_bytes(found.read())
-        if found.path.suffix.lower() == ".caffemodel":
-            (new / "model.prototxt").write_bytes(read_bounded(found.prototxt, _PROTOTXT_LIMIT))
-        (new / CARD).write_text(json.dumps(card, indent=2) + "\n", "utf-8")
-        if target.exists():
-            old = Path(tempfile.mkdtemp(prefix=".old-", dir=folder))
-            target.replace(old / name)
-            new.replace(target)
-            shutil.rmtree(old)
-        else:
-            new.replace(target)
+        _fill(new, found, card)
+        new.replace(target)
     finally:
         shutil.rmtree(new, ignore_errors=True)
+
+
+def _fill(folder: Path, found: ModelFile, card: Mapping[str, Any]) -> None:
+    """Write the model's files, then its card, then remove what the card does not name."""
+    model = folder / card["file"]
+    files = {model: found.read()}
+    if found.path.suffix.lower() == ".caffemodel":
+        files[model.with_suffix(".prototxt")] = read_bounded(found.prototxt, _PROTOTXT_LIMIT)
+    files[folder / CARD] = (json.dumps(card, indent=2) + "\n").encode()
+    for path, data in files.items():
+        part = folder / f".{path.name}.part"
+        try:
+            part.write_bytes(data)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+    for path in set(folder.iterdir()) - set(files):
+        with suppress(OSError):  # an old model that somebody has open, on Windows: the next time
+            path.unlink()
+
+
+def _tidy(folder: Path) -> None:
+    """Remove what additions left that were killed long ago."""
+    for left in folder.glob(f"{_ADDING}*"):
+        with suppress(OSError):
+            if time.time() - left.stat().st_mtime > _LONG_AGO:
+                shutil.rmtree(left)

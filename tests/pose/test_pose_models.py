@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import http.server
 import json
 import os
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -120,9 +122,46 @@ def test_a_name_is_replaced_only_when_asked(network: Path, models: Path, tmp_pat
     assert find_model("mine").sha256 == sha(network)
     add_model(other, "mine", replace=True)
     assert find_model("mine").sha256 == sha(other)
-    assert everything(models) == ["mine", "mine/model.json", "mine/model.onnx"]
+    assert everything(models) == ["mine", f"mine/{read_card('mine').path.name}", "mine/model.json"]
     with pytest.raises(ModelError, match="own network"):
         add_model(other, "compact")
+
+
+def test_a_replacement_that_ends_anywhere_leaves_the_old_model_or_the_new_one(
+    network: Path, models: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = random_maps(tmp_path / "other.onnx", seed=9)
+    rename, outcomes = Path.replace, []
+    for fatal in range(1, 10):
+        add_model(network, "mine", replace=True)
+        calls = 0
+
+        def breaking(path: Path, target: Path, fatal: int = fatal) -> Path:
+            nonlocal calls
+            calls += 1
+            if calls == fatal:
+                raise OSError(errno.EIO, os.strerror(errno.EIO))
+            return rename(path, target)
+
+        with monkeypatch.context() as patch, suppress(OSError):
+            patch.setattr(Path, "replace", breaking)
+            add_model(other, "mine", replace=True)
+        outcomes.append(find_model("mine").sha256)
+        find_model("mine").read()
+        assert [trouble for name, _, trouble in verify_models() if name == "mine"] == [""]
+        if calls < fatal:
+            break
+    assert outcomes[0] == sha(network) and outcomes[-1] == sha(other) and len(outcomes) > 2
+    assert everything(models) == ["mine", f"mine/{read_card('mine').path.name}", "mine/model.json"]
+
+
+def test_what_a_killed_addition_left_goes_after_a_day(network: Path, models: Path) -> None:
+    for name in (".adding-old", ".adding-new"):
+        (models / name).mkdir(parents=True)
+        (models / name / "model.onnx").touch()
+    os.utime(models / ".adding-old", (0, 0))
+    add_model(network, "mine")
+    assert sorted(path.name for path in models.iterdir()) == [".adding-new", "mine"]
 
 
 def test_keypoints_of_another_contract_are_not_used_again(network: Path) -> None:
@@ -166,8 +205,8 @@ def test_a_damaged_card_is_an_error_of_its_own(network: Path, models: Path, tmp_
         with pytest.raises(ModelError, match="E_MODEL_CARD"):
             find_model("mine")
     card.write_text(json.dumps(good))
-    (models / "mine" / "model.onnx").unlink()
-    (models / "mine" / "model.onnx").symlink_to(outside)
+    (models / "mine" / good["file"]).unlink()
+    (models / "mine" / good["file"]).symlink_to(outside)
     with pytest.raises(ModelError, match="is a link"):
         find_model("mine")
 
@@ -264,6 +303,6 @@ def test_the_commands_say_what_is_there(network: Path, capsys: pytest.CaptureFix
         out = capsys.readouterr().out
         assert "mine" in out and sha(network)[:12] in out and "hpe0001" in out and "non-commercial" in out
     assert run(["models", "verify"]) == 0
-    (Path(os.environ["GESTURE_MODELS"]) / "mine" / "model.onnx").write_bytes(b"")
+    read_card("mine").path.write_bytes(b"")
     assert run(["models", "verify"]) == 3
     assert run(["models", "add", str(network), "--contract", "colour"]) == 1
