@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 RIGHT, LEFT, MIDDLE = (0, 159, 230), (233, 180, 86), (255, 255, 255)
 _CLOCK = 90_000
 """Ticks in a second of the video, so that real time stamps are kept."""
+_SAME = 0.0005
+"""Seconds below which two times are one: less than half a frame at the fastest rate that is read."""
 
 
 def draw_pose(frame: np.ndarray, keypoints: np.ndarray, bones: Skeleton) -> None:
@@ -77,10 +79,13 @@ def overlay(
         picture = frame.copy()
         for i, pose in enumerate(poses):
             found = ahead[i]
+            while found is not None and found[0] < time - _SAME:  # its frame did not come again
+                found = next(places[i], None)
             # Frames may share a time stamp, so that each pose is used for one frame, in order.
-            if found is not None and found[0] == time:
+            if found is not None and found[0] <= time + _SAME:
                 draw_pose(picture, found[1], skeleton(pose.skeleton))
-                ahead[i] = next(places[i], None)
+                found = next(places[i], None)
+            ahead[i] = found
         yield time, picture
 
 

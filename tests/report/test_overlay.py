@@ -63,6 +63,21 @@ def test_people_appear_at_their_own_times_and_frames_stay_untouched() -> None:
     assert all((frame == 40 * i).all() for i, (_, frame) in enumerate(given))
 
 
+def test_times_that_were_rounded_on_their_way_are_the_same_times() -> None:
+    exact = [picture for _, picture in overlay(frames(), [pose()])]
+    rounded = [(float(np.float32(t)) + 1e-7, frame) for t, frame in frames()]
+    for (_, picture), wanted in zip(overlay(rounded, [pose()]), exact, strict=True):
+        assert (picture == wanted).all()
+
+
+def test_a_frame_that_does_not_come_again_costs_its_own_pose_only() -> None:
+    given = frames()
+    drawn = [picture for _, picture in overlay(given[:1] + given[2:], [pose()])]
+    whole = [picture for _, picture in overlay(given, [pose()])]
+    for picture, wanted in zip(drawn, whole[:1] + whole[2:], strict=True):
+        assert (picture == wanted).all()
+
+
 def test_a_video_keeps_the_times_of_its_frames(tmp_path: Path) -> None:
     av = pytest.importorskip("av")
     path = tmp_path / "out.mp4"
