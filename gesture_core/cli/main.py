@@ -12,9 +12,14 @@ from types import FrameType
 from cyclopts import App, CycloptsError, Parameter
 
 from gesture_core import __version__
-from gesture_core.errors import ConfigError, GestureError, InputError, PluginError
+from gesture_core.errors import ConfigError, GestureError, InputError, ModelError, PluginError
 
 EXIT_FATAL, EXIT_USAGE, EXIT_LOCKED, EXIT_PIPE = 1, 2, 11, 141
+_USAGE = frozenset(
+    "E_NOT_FOUND E_EMPTY E_EXISTS E_OPTION E_PLUGIN_UNKNOWN E_MANIFEST "
+    "E_MODEL_UNKNOWN E_MODEL_EXISTS E_MODEL_NAME".split()
+)
+"""Codes of errors that another command line would not have met."""
 
 app = App(
     name="gesture",
@@ -109,8 +114,6 @@ def _interrupted(arguments: Sequence[str], code: int) -> int:
 def _exit_code(error: GestureError) -> int:
     if error.code == "E_RUN_LOCKED":
         return EXIT_LOCKED
-    usage = isinstance(error, ConfigError) or (
-        isinstance(error, InputError | PluginError)
-        and error.code in ("E_NOT_FOUND", "E_EMPTY", "E_EXISTS", "E_OPTION", "E_PLUGIN_UNKNOWN", "E_MANIFEST")
-    )
+    asked = isinstance(error, InputError | PluginError | ModelError)
+    usage = isinstance(error, ConfigError) or (asked and error.code in _USAGE)
     return EXIT_USAGE if usage or error.code == "E_NO_RUN" else EXIT_FATAL

@@ -144,7 +144,7 @@ def _facts(contract: Any) -> tuple[str, str]:
 def _fact(text: str) -> tuple[str, Any]:
     key, equals, value = text.partition("=")
     if not equals:
-        raise ModelError(f"--contract {text!r}", remedy="key=value", code="E_MODEL_CONTRACT")
+        raise ModelError(f"--contract {text!r}", remedy="key=value, such as colour=rgb", code="E_OPTION")
     try:
         return key.strip(), tomllib.loads(f"v = {value}")["v"]
     except tomllib.TOMLDecodeError:

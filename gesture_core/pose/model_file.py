@@ -68,6 +68,13 @@ def read_bounded(path: Path, limit: int | None = None) -> bytes:
             raise ModelError("not a regular file", subject=str(path), code="E_MODEL_FILE")
         with path.open("rb") as stream:
             data = stream.read(limit + 1)
+    except FileNotFoundError as error:
+        raise ModelError(
+            "no such file",
+            subject=str(path),
+            remedy="check the path, or take a name: 'gesture models' lists them",
+            code="E_NOT_FOUND",
+        ) from error
     except (OSError, ValueError) as error:
         cause = error.strerror if isinstance(error, OSError) else str(error)
         raise ModelError(f"cannot be read: {cause}", subject=str(path), code="E_MODEL_FILE") from error

@@ -32,8 +32,9 @@ def find_model(name_or_path: str | os.PathLike[str]) -> ModelFile:
     Raises
     ------
     ModelError
-        ``E_MODEL`` where there is no such name or file; ``E_MODEL_MISSING`` where the network is
-        known but not installed, with what to do; others from reading the file.
+        ``E_MODEL_UNKNOWN`` where there is no such name, ``E_NOT_FOUND`` where there is no such file;
+        ``E_MODEL_MISSING`` where the network is known but not installed, with what to do; others
+        from reading the file.
     """
     text = os.fspath(name_or_path)
     if isinstance(name_or_path, Path) or text.lower().endswith(SUFFIXES) or "/" in text or os.sep in text:
@@ -49,6 +50,7 @@ def find_model(name_or_path: str | os.PathLike[str]) -> ModelFile:
             f"no pose network {text!r}",
             remedy=(f"did you mean {near[0]!r}? " if near else "")
             + f"one of {', '.join(names)}, or a file that ends in {', '.join(SUFFIXES)}",
+            code="E_MODEL_UNKNOWN",
         )
     path = known.packaged_path
     if path is not None:
@@ -74,7 +76,7 @@ def file_model(path: Path, contract: ModelContract | None = None, name: str = ""
             f"{path.suffix or 'no suffix'} is not a model file's",
             subject=str(path),
             remedy=f"a file that ends in {', '.join(SUFFIXES)}",
-            code="E_MODEL_FILE",
+            code="E_OPTION",
         )
     data = read_bounded(path)
     sha256 = hashlib.sha256(data).hexdigest()

@@ -127,6 +127,9 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         ([*CLASSIFY, "--reject", "x"], 2, "3sd"),
         ([*CLASSIFY, "--set", "gausian.sigma=1"], 2, "gauss"),
         ([*CLASSIFY, "--neighbors", "99"], 2, "99"),
+        (["extract", "{clips}", "--out", "{out}", "--model", "compcat"], 2, "did you mean 'compact'? one of"),
+        (["extract", "{clips}", "--out", "{out}", "--model", "no/such.onnx"], 2, "gesture models"),
+        (["models", "add", "no/such.onnx"], 2, "no such file"),
         (["extract", "{videos}", "--out", "{out}", "--kernel", "numpy"], 2, "try: gesture extract --help"),
         (["render", "{videos}", "--reject", "1"], 2, "try: gesture render --help"),
         (["bench", "--neighbors", "1"], 2, "try: gesture bench --help"),
@@ -136,6 +139,7 @@ def test_mistakes_exit_with_two_and_say_what_would_be_right(
     drawn: DemoArchive, tmp_path: Path, arguments: list[str], code: int, hint: str
 ) -> None:
     places = {"videos": drawn.video_keypoints, "examples": drawn.example_keypoints, "out": tmp_path / "run"}
+    places["clips"] = drawn.videos
     done = gesture(*(argument.format(**places) for argument in arguments), cwd=tmp_path)
     assert done.returncode == code, done.stderr
     assert hint in done.stderr

@@ -75,7 +75,7 @@ def test_unknown_names_have_a_remedy() -> None:
         find_model("hpe001")
     with pytest.raises(ModelError, match=r"E_MODEL_MISSING.*gesture models add"):
         find_model("rtmpose")
-    with pytest.raises(ModelError, match="E_MODEL_FILE"):
+    with pytest.raises(ModelError, match="E_NOT_FOUND"):
         find_model("no/such/file.onnx")
     with pytest.raises(ModelError, match="not a model file's"):
         find_model("some/file.txt")
@@ -217,7 +217,7 @@ def test_large_files_and_strange_files_are_refused(
     os.mkfifo(tmp_path / "pipe.onnx")
     with pytest.raises(ModelError, match="regular file"):
         find_model(tmp_path / "pipe.onnx")
-    with pytest.raises(ModelError, match="E_MODEL_FILE"):
+    with pytest.raises(ModelError, match="E_NOT_FOUND"):
         find_model(tmp_path / "models.onnx")
     (tmp_path / "folder.onnx").mkdir()
     with pytest.raises(ModelError, match="E_MODEL_FILE"):
@@ -305,4 +305,11 @@ def test_the_commands_say_what_is_there(network: Path, capsys: pytest.CaptureFix
     assert run(["models", "verify"]) == 0
     read_card("mine").path.write_bytes(b"")
     assert run(["models", "verify"]) == 3
-    assert run(["models", "add", str(network), "--contract", "colour"]) == 1
+    capsys.readouterr()
+    for wrong, hint in (
+        (["--contract", "colour"], "colour=rgb"),
+        (["--name", "mine"], "--replace"),
+        (["--name", "Mine"], "lower-case"),
+    ):
+        assert run(["models", "add", str(network), *wrong]) == 2
+        assert hint in capsys.readouterr().err
