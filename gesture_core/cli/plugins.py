@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import json
+from collections.abc import Mapping
+from dataclasses import MISSING, fields, is_dataclass
 from typing import Any
 
 from gesture_core.cli.screen import print_table
@@ -10,6 +13,10 @@ from gesture_core.errors import PluginError
 from gesture_core.plugin import registry
 from gesture_core.plugin.kinds import KINDS
 from gesture_core.plugin.registry import Registration, Registry
+from gesture_core.settings import load_settings
+from gesture_core.settings.values import near
+
+_PARAMETERS = "Parameters\n"
 
 
 def plugins(name: str = "", *, check: bool = False) -> int:
@@ -59,21 +66,56 @@ def _show(found: Registry, name: str) -> None:
     kinds = [kind for kind, plugin in found.entries if plugin == name]
     if not kinds:
         every = sorted({plugin for _, plugin in found.entries})
-        raise PluginError(f"no plugin {name!r}", remedy=f"one of {', '.join(every)}", code="E_PLUGIN_UNKNOWN")
+        raise PluginError(f"no plugin {name!r}", remedy=near(name, every), code="E_PLUGIN_UNKNOWN")
     for kind in kinds:
         entry = found.find(kind, name)
         target = found.load(kind, name)
         print(f"{entry.title} of {entry.origin}: {entry.summary}\n{entry.target}\n")
-        print(inspect.getdoc(target) or "", end="\n\n")
-        rows = [(f"{name}.{option}", default) for option, default in _options(target)]
-        if rows:
-            print_table(("option", "default"), rows)
+        print(_documentation(target), end="\n\n")
+        options = _options(target)
+        if not options:
+            continue
+        columns, rows = ["option", "default"], [[f"{name}.{option}", value] for option, value in options]
+        settings = load_settings()
+        chosen = settings.plugin_options(name)
+        if chosen:
+            columns.append(f"preset {settings.preset}")
+            for row, (option, _) in zip(rows, options, strict=True):
+                row.append(_written(chosen[option]) if option in chosen else "")
+        print_table(columns, rows)
+        print(f"to change one: --set {name}.{options[0][0]}=…")
+
+
+def _documentation(target: Any) -> str:
+    """The docstring of a class, with the parameters of its base where it names none of its own."""
+    text = inspect.getdoc(target) or ""
+    for base in target.__mro__[1:]:
+        _, heading, rest = (base.__doc__ or "").partition(_PARAMETERS)
+        if _PARAMETERS not in text and heading:
+            text += f"\n\n{inspect.cleandoc(heading + rest)}"
+    return text
 
 
 def _options(target: Any) -> list[tuple[str, str]]:
     """Options of a plugin's class with their defaults; those without one are given by the program."""
+    made = (
+        {f.name: f.default_factory() for f in fields(target) if f.default_factory is not MISSING}
+        if is_dataclass(target)
+        else {}
+    )
     return [
-        (parameter.name, repr(parameter.default))
+        (parameter.name, _written(made.get(parameter.name, parameter.default)))
         for parameter in inspect.signature(target).parameters.values()
         if parameter.default is not parameter.empty
     ]
+
+
+def _written(value: Any) -> str:
+    """``value`` as it would stand in a preset or after ``--set``."""
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{json.dumps(key)} = {_written(item)}' for key, item in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_written, value))}]"
+    if isinstance(value, str | bool):
+        return json.dumps(value)
+    return "none" if value is None else repr(value)

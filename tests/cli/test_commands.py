@@ -157,6 +157,23 @@ def test_a_closed_pipe_ends_quietly(run: Path, words: str) -> None:
     assert process.wait() == 141
 
 
+def test_a_plugin_shows_its_options_as_they_would_be_set(capsys: pytest.CaptureFixture[str]) -> None:
+    from gesture_core.cli.main import run
+    from gesture_core.plugin import registry
+
+    for name in sorted({plugin for _, plugin in registry().entries}):
+        assert run(["plugins", name]) == 0
+    shown = capsys.readouterr().out
+    assert "<factory>" not in shown
+    assert run(["plugins", "parts"]) == 0
+    shown = capsys.readouterr().out
+    assert (
+        '{"wrist" = 1.0, "elbow" = 1.0}' in shown and "preset modern" in shown and "forearm.turning" in shown
+    )
+    assert run(["plugins", "onnx"]) == 0
+    assert "batch_size : int" in capsys.readouterr().out, "options of the base are explained too"
+
+
 def test_every_command_exists() -> None:
     from gesture_core.cli.main import app
 
