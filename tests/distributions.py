@@ -21,6 +21,29 @@ def make_distribution(folder: Path, name: str, source: str, version: str = "1.0"
     return folder
 
 
+_KERNEL = """
+import os
+import sys
+import numpy as np
+from gesture_core import hookimpl
+
+class Bad:
+    def supports(self, spec): return True
+    def prepare(self, examples, spec): return len(examples)
+    def distances(self, state, queries):
+        {body}
+
+@hookimpl
+def register_distance_kernels(register):
+    register("bad", "bad_kernel:Bad")
+"""
+
+
+def make_kernel(folder: Path, body: str) -> Path:
+    """The distribution bad-kernel, whose kernel ``bad`` answers ``queries`` with ``body``."""
+    return make_distribution(folder, "bad-kernel", _KERNEL.format(body=body))
+
+
 def gesture(
     *arguments: str | os.PathLike[str], path: Path | None = None, cwd: Path | None = None, **environment: str
 ) -> subprocess.CompletedProcess[str]:

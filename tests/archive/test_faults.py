@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from distributions import gesture, make_distribution
+from distributions import gesture, make_distribution, make_kernel
 from troubles import write_archive, write_clip
 
 from gesture_core import classify_archive
@@ -91,22 +91,6 @@ def test_two_people_with_one_number_are_two_rows(tmp_path: Path) -> None:
     assert "noise" not in done.stdout, "standard output is for results"
 
 
-KERNEL = """
-    from gesture_core import hookimpl
-
-    class Bad:
-        def supports(self, spec): return True
-        def prepare(self, examples, spec): return len(examples)
-        def distances(self, state, queries):
-            import os
-            {body}
-
-    @hookimpl
-    def register_distance_kernels(register):
-        register("bad", "bad_kernel:Bad")
-    """
-
-
 @pytest.mark.parametrize(("body", "code"), [("1 / 0", "E_PLUGIN_RAISED"), ("os._exit(0)", "E_WORKER_CRASH")])
 def test_a_kernel_that_fails_at_the_examples_ends_the_run_in_words(
     tmp_path: Path, body: str, code: str
@@ -114,7 +98,7 @@ def test_a_kernel_that_fails_at_the_examples_ends_the_run_in_words(
     """No input is to blame; it was a traceback."""
     write_archive(tmp_path, 2, ())
     write_clip(tmp_path / "examples" / "left" / "2.npz", 44, 7, 2)
-    site = make_distribution(tmp_path / "site", "bad-kernel", KERNEL.format(body=body))
+    site = make_kernel(tmp_path / "site", body)
     done = gesture(
         "classify", tmp_path / "videos", "--examples", tmp_path / "examples", "--out", tmp_path / "run",
         "--preset", "paper", "--kernel", "bad", "--set", "classify.representative=true", path=site,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT
-from distributions import gesture, make_distribution
+from distributions import gesture, make_distribution, make_kernel
 
 from gesture_core.demo.archive import DemoArchive
 
@@ -72,23 +72,6 @@ def test_every_trap_costs_one_row(drawn: DemoArchive, site: Path, tmp_path: Path
     assert found == rows(clean.stdout), "a trap changed another input's row"
 
 
-KERNEL = """
-import sys
-import numpy as np
-from gesture_core import hookimpl
-
-class Bad:
-    def supports(self, spec): return True
-    def prepare(self, examples, spec): return len(examples)
-    def distances(self, state, queries):
-        {body}
-
-@hookimpl
-def register_distance_kernels(register):
-    register("bad", "{module}:Bad")
-"""
-
-
 @pytest.mark.parametrize(
     ("body", "code"),
     [
@@ -102,7 +85,7 @@ def register_distance_kernels(register):
 def test_a_bad_kernel_gives_rows_that_name_it(
     drawn: DemoArchive, tmp_path: Path, body: str, code: str
 ) -> None:
-    site = make_distribution(tmp_path / "site", "bad-kernel", KERNEL.format(body=body, module="bad_kernel"))
+    site = make_kernel(tmp_path / "site", body)
     done = gesture(
         "classify", drawn.video_keypoints, "--examples", drawn.example_keypoints, "--out", tmp_path / "run",
         "--preset", "paper", "--kernel", "bad", path=site,
