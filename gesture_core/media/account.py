@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gesture_core.media.holes import Holes
 from gesture_core.media.info import Ledger
 
 # A recording keeps pace if this share of its intervals differ from their median by less than _JITTER:
@@ -20,6 +19,8 @@ from gesture_core.media.info import Ledger
 _STEADY = 0.9
 _JITTER = 0.0016
 _MIN_INTERVALS = 8
+# Bytes between packets beyond those of block and cluster headers.
+_HOLE = 30
 
 
 @dataclass
@@ -46,7 +47,9 @@ class Account:
         Seconds at which the last packet of any stream ends.
     size : int
         Bytes of the packets of all streams.
-    holes : Holes
+    places : int
+        Places of the file that gave packets; several sounds may lie in one block.
+    holes : int
         Stretches of the file between two packets that no packet covers.
     stamps : list of float
         Seconds of the frames, as the container gives them.
@@ -61,8 +64,11 @@ class Account:
     frames: int = 0
     end: float = 0.0
     size: int = 0
-    holes: Holes = field(default_factory=Holes)
+    places: int = 0
+    holes: int = 0
     stamps: list[float] = field(default_factory=list)
+    _last: int | None = None
+    _read_to: int | None = None
 
     @property
     def cut(self) -> bool:
@@ -73,16 +79,14 @@ class Account:
         """A packet of any stream: where it lies in the file, in bytes, and when it ends, in seconds."""
         self.end = max(self.end, end)
         self.size += size
-        self.holes.passed(position, size)
+        if position is None or position < 0:
+            return
+        self.places += position != self._last
+        self.holes += self._read_to is not None and position - self._read_to > _HOLE
+        self._last, self._read_to = position, position + size
 
     def settle(
-        self,
-        ledger: Ledger,
-        *,
-        declared: int | None,
-        duration: float | None,
-        tolerance: float = 0.6,
-        holes: int = 0,
+        self, ledger: Ledger, *, declared: int | None, duration: float | None, tolerance: float = 0.6
     ) -> None:
         """Tell `ledger` what is missing.
 
@@ -95,8 +99,6 @@ class Account:
             the picture alone, where an edit list cuts it.
         tolerance : float
             Frames by which the end may fall short of the duration.
-        holes : int
-            Stretches of the file that may have held packets.
         """
         absent = (declared or 0) - self.trimmed - self.packets - self.empty
         if absent > 0:
@@ -104,10 +106,10 @@ class Account:
         silent = self.packets - self.unshown - self.hidden - self.refused - self.frames
         if silent > 0:
             ledger.damage(f"packets that gave no frame: {silent}", silent)
-        lost = gaps(self.stamps) if holes or self.cut else 0
+        lost = gaps(self.stamps) if self.holes or self.cut else 0
         if lost:
             ledger.damage(f"gaps in a steady pace, as of {lost} lost frames", lost)
-        if holes and (np.diff(self.stamps) < 0).any():
+        if self.holes and (np.diff(self.stamps) < 0).any():
             ledger.damage("unread bytes and time stamps out of order")
         if not self.stamps:
             return

@@ -15,6 +15,7 @@ import numpy as np
 
 from gesture_core.media.account import Account
 from gesture_core.media.edits import doubt
+from gesture_core.media.elements import read_blocks
 from gesture_core.media.fragments import read_chain
 from gesture_core.media.info import SQUARE, MediaInfo
 from gesture_core.media.limits import MAX_FPS
@@ -153,15 +154,17 @@ class PyAvSource(Source):
             index = len(getattr(self._stream, "index_entries", ()))
             self._account.trimmed = max(0, declared - index) if declared and index else 0
             declared = self._check_fragments(declared)
+        if self._format == "matroska":
+            self._check_blocks()
+        if self._format == "flv" and len(self._container.streams.video) > 1:
+            self._ledger.damage("pictures of a second codec, for which FLV has no room")
         cut = self._account.cut and self._format == "mov"
         if cut:
             contradiction = doubt(self._file, self._stream.id)
             if contradiction:
                 self._ledger.damage(f"frames hidden by a header that contradicts itself: {contradiction}")
-        holes = self._account.holes
         self._account.settle(
             self._ledger,
-            holes=holes.large + (holes.small(self._file) if self._format == "matroska" else 0),
             declared=declared,
             duration=self._duration(cut),
             tolerance=_DURATION_HOLDS.get(self._format, 0.6),
@@ -176,6 +179,15 @@ class PyAvSource(Source):
         if unread > max(_UNREAD, chain.payload // 50):
             self._ledger.damage(f"{unread} bytes of media data belong to no packet")
         return (declared or 0) + chain.samples.get(self._stream.id, 0) or None
+
+    def _check_blocks(self) -> None:
+        blocks = read_blocks(self._file)
+        if blocks.fault:
+            self._ledger.damage(f"broken chain of elements: {blocks.fault}")
+        lost = blocks.count - self._account.places
+        if lost > 0:
+            self._ledger.damage(f"blocks that gave no packet: {lost}", lost)
+        self._account.holes += blocks.voids
 
     def _stamp(self, frame: Any) -> float | None:
         if frame.pts is None:

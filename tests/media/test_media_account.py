@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from gesture_core.media.account import Account, gaps
 from gesture_core.media.clock import Clock
 from gesture_core.media.edits import doubt
-from gesture_core.media.holes import Holes
 from gesture_core.media.info import MAX_NOTES, Ledger
 from gesture_core.media.upright import fit, quarter_turns, upright
 
@@ -91,32 +90,11 @@ def test_an_account_out_of_order_is_damage(
     assert ledger.damaged >= 1 and ledger.clauses()
 
 
-@pytest.mark.parametrize(
-    ("between", "found"),
-    [
-        (b"", 0),
-        (b"\xa3\x92\x83\0\0\0" + bytes(18), 1),  # a block of a track that is not there
-        (b"\x1f\x43\xb6\x75\x01" + bytes(7) + b"\xe7\x82\0\0", 0),  # where a cluster begins
-        (b"\xab\x81\x07", 0),  # an element that is too short for a block
-    ],
-)
-def test_a_stretch_that_may_have_held_a_block_is_a_hole(between: bytes, found: int) -> None:
-    header = b"\xa3\x95\x81\0\0\0"
-    data, holes = b"", Holes()
-    for index in range(20):
-        data += (between if index == 10 else b"") + header
-        holes.passed(len(data), 15)
-        data += bytes(15)
-    file = io.BytesIO(data)
-    file.seek(7)
-    assert (holes.large, holes.small(file), file.tell()) == (0, found, 7)
-
-
-def test_a_long_stretch_is_a_hole_whatever_it_holds() -> None:
-    holes = Holes()
-    for position in (100, 200, 261, None, 260):
-        holes.passed(position, 60)
-    assert holes.large == 1
+def test_a_long_stretch_without_packets_is_a_hole() -> None:
+    account = Account()
+    for position in (100, 200, 261, None, 260, 260):
+        account.passed(position, 60, 0.0)
+    assert (account.holes, account.places) == (1, 4)
 
 
 def test_a_hostile_file_cannot_fill_memory_with_notes() -> None:
