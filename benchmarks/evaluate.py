@@ -26,7 +26,15 @@ from datasets import (
 )
 from videos import with_videos
 
-from gesture_core.classify.evaluation import Compared, Evaluation, Labelled, answer, compare_all, wilson
+from gesture_core.classify.evaluation import (
+    Compared,
+    Evaluation,
+    Labelled,
+    answer,
+    compare_all,
+    fold_votes,
+    wilson,
+)
 from gesture_core.errors import GestureError
 from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain
@@ -83,8 +91,9 @@ def authors_examples(compared: Compared) -> str:
     labels = np.array([compared.data.labels[i] for i in compared.usable])
     examples = [names.index(name) for name in PAPER_EXAMPLES]
     queries = [i for i, name in enumerate(names) if "_s1_" not in name]
-    near = compared.within[np.ix_(queries, examples)].argmin(axis=1)
-    right = int((labels[examples][near] == labels[queries]).sum())
+    classes, codes = np.unique(labels, return_inverse=True)
+    votes = fold_votes(compared.within, codes, np.array(examples), np.array(queries), compared.settings)
+    right = int((classes[votes.winners] == labels[queries]).sum())
     return counted(right, sum(s != "s1" for s in compared.data.subjects))
 
 

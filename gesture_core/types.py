@@ -320,9 +320,11 @@ class Prediction:
         Warping distance to the nearest example, in the unit of the signals.
     margin : float or None
         Distance to the nearest example of any other class minus `distance`, as the vote's winner
-        sees it; None with only one class.
+        sees it; the lead of the winner's score, 0 to about 1, where all examples decide
+        (``classify.neighbors = 0``). None with only one class.
     neighbors : tuple of (example, label, distance)
-        The k nearest examples, nearest first.
+        The k nearest examples, nearest first; where all examples decide, the nearest one of each of
+        the three best classes, best class first.
     selected : tuple of str
         Salient channels of the query.
     code, message : str

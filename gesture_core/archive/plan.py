@@ -163,10 +163,10 @@ def _examples(request: RunRequest, readers: Readers) -> list[Input]:
 
 
 def _check_neighbors(settings: Settings, examples: int) -> None:
-    if not 1 <= settings.classify.neighbors <= examples:
+    if settings.classify.neighbors > examples:
         raise ConfigError(
             f"{settings.classify.neighbors} neighbours of {examples} examples",
-            remedy=f"--neighbors 1 to {examples}",
+            remedy=f"--neighbors 1 to {examples}, or 0 for all of them, weighed",
             code="E_NEIGHBORS",
         )
 

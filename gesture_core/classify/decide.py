@@ -8,7 +8,9 @@ import numpy as np
 
 from gesture_core.classify.comparison import is_still
 from gesture_core.classify.library import ExampleLibrary
-from gesture_core.classify.neighbors import Votes, k_nearest, vote
+from gesture_core.classify.neighbors import Votes, speakers, votes_of
+from gesture_core.classify.rejection import refusals
+from gesture_core.classify.weighing import Weighing
 from gesture_core.types import Prediction, Signals
 
 
@@ -18,6 +20,8 @@ def decide(
     library: ExampleLibrary,
     k: int = 1,
     thresholds: np.ndarray | None = None,
+    weighing: Weighing | None = None,
+    margin: float | None = None,
 ) -> list[Prediction]:
     """One `Prediction` for each query.
 
@@ -29,23 +33,26 @@ def decide(
         For the names of the selected channels.
     library : ExampleLibrary
     k : int
-        Neighbours that vote.
+        Neighbours that vote, without ``weighing``.
     thresholds : (C,) float array, optional
         Largest distance at which each class lends its label.
+    weighing : Weighing, optional
+        What each example says; then all of them decide.
+    margin : float, optional
+        Smallest margin of a label.
     """
-    near = k_nearest(distances, k)
     classes = library.classes
-    votes = vote(distances, library.codes, len(classes), k)
+    votes = votes_of(distances, library.codes, len(classes), k, weighing)
+    codes = refusals(votes, thresholds, margin)
+    named = speakers(distances, library.codes, votes, k)
     return [
         _prediction(
             index,
             votes,
             classes,
-            None if thresholds is None else np.asarray(thresholds),
+            _wanting(codes[index], int(votes.winners[index]), thresholds, margin),
             tuple(
-                (library.names[i], str(library.labels[i]), float(d))
-                for d, i in zip(near.distances[index], near.indices[index], strict=True)
-                if np.isfinite(d)
+                (library.names[i], str(library.labels[i]), float(distances[index, i])) for i in named[index]
             ),
             query.selected if isinstance(query, Signals) else (),
             is_still(query),
@@ -54,11 +61,22 @@ def decide(
     ]
 
 
+def _wanting(
+    code: str, winner: int, thresholds: np.ndarray | None, margin: float | None
+) -> tuple[str, float] | None:
+    """Why a winner gives no label: the code, and the limit that was not met."""
+    if code == "E_REJECTED" and thresholds is not None:
+        return code, float(thresholds[winner])
+    if code == "E_UNSURE" and margin is not None:
+        return code, margin
+    return None
+
+
 def _prediction(
     index: int,
     votes: Votes,
     classes: np.ndarray,
-    thresholds: np.ndarray | None,
+    wanting: tuple[str, float] | None,
     neighbors: tuple[tuple[str, str, float], ...],
     selected: tuple[str, ...],
     still: bool,
@@ -84,13 +102,14 @@ def _prediction(
     label, distance = str(classes[winner]), float(votes.distances[index])
     margin = float(votes.margins[index])
     known = {"margin": margin if np.isfinite(margin) else None, "neighbors": neighbors, "selected": selected}
-    if thresholds is not None and not distance <= thresholds[winner]:
-        return Prediction(
-            None,
-            "rejected",
-            distance,
-            code="E_REJECTED",
-            message=f"nearest class {label} at {distance:.4g}, above its threshold {thresholds[winner]:.4g}",
-            **known,  # type: ignore[arg-type]
-        )
+    if wanting is not None:
+        code, limit = wanting
+        message = f"nearest class {label} at {distance:.4g}, above its threshold {limit:.4g}"
+        if code == "E_UNSURE":
+            rival = next((f" before {other}" for _, other, _ in neighbors if other != label), "")
+            message = (
+                f"{label}{rival} by a margin of {margin:.4g}, below {limit:.4g}; "
+                "try: more examples of both, or a lower classify.margin"
+            )
+        return Prediction(None, "rejected", distance, code=code, message=message, **known)  # type: ignore[arg-type]
     return Prediction(label, "ok", distance, **known)  # type: ignore[arg-type]

@@ -12,8 +12,9 @@ import numpy as np
 from gesture_core.classify.comparison import compare, is_still
 from gesture_core.classify.decide import decide
 from gesture_core.classify.library import ExampleLibrary, medoids
-from gesture_core.classify.neighbors import k_nearest, vote
-from gesture_core.classify.rejection import calibrated_thresholds
+from gesture_core.classify.neighbors import Votes, k_nearest, votes_of
+from gesture_core.classify.rejection import calibrated_thresholds, refusals
+from gesture_core.classify.weighing import Weighing, learn_weights
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings
 from gesture_core.signals.chain import Chain
@@ -32,7 +33,7 @@ class GestureClassifier:
     kernel : str
         Distance kernel; ``auto`` leaves the choice to the preset, then to the machine.
     n_neighbors : int, optional
-        Examples that vote; the preset's number by default.
+        Examples that vote; 0: all of them, weighed. The preset's number by default.
     reject : float or "calibrated" or None
         Largest distance that gets a label; ``"calibrated"`` takes mean + ``reject_sd`` (of the
         preset, otherwise 3) standard deviations of the distances inside each class. None leaves
@@ -48,6 +49,8 @@ class GestureClassifier:
         Where each of them stood in the ``X`` of `fit`.
     thresholds_ : (C,) float array or None
         Rejection threshold of each class.
+    weighing_ : Weighing or None
+        What each example of `library_` says for each class, where all of them decide.
 
     Notes
     -----
@@ -94,7 +97,8 @@ class GestureClassifier:
         indices = np.arange(len(library))
         limit, calibrated = self._rejection(settings, library)
         self.thresholds_: np.ndarray | None = None
-        if settings.classify.representative or calibrated:
+        self.weighing_: Weighing | None = None
+        if settings.classify.representative or calibrated or self._k() == 0:
             within = self._distances(library.series, library.series)
             if calibrated:
                 sd = settings.classify.reject_sd
@@ -102,6 +106,11 @@ class GestureClassifier:
                 self.thresholds_ = calibrated_thresholds(within, codes, count, 3.0 if sd is None else sd)
             if settings.classify.representative:
                 indices = medoids(within, library.codes)
+            if self._k() == 0:
+                codes, count = library.codes[indices], len(library.classes)
+                sharpness, shrinkage = settings.classify.sharpness, settings.classify.shrinkage
+                among = within[np.ix_(indices, indices)]
+                self.weighing_ = learn_weights(among, codes, count, sharpness, shrinkage)
         if limit is not None:
             limits = np.full(len(library.classes), limit)
             self.thresholds_ = limits if self.thresholds_ is None else np.minimum(self.thresholds_, limits)
@@ -119,7 +128,7 @@ class GestureClassifier:
             Where a query cannot be used. `predictions` gives it a row instead.
         """
         signals = self.signals(X)
-        votes = vote(self.distances(signals), self.library_.codes, len(self.classes_), self._k())
+        votes = self._votes(self.distances(signals))
         if (votes.winners < 0).any():
             first = int(np.argmax(votes.winners < 0))
             still = is_still(signals[first])
@@ -129,11 +138,10 @@ class GestureClassifier:
                 code="E_NO_SALIENT" if still else "E_NO_COMMON",
             )
         labels = self.classes_[votes.winners]
-        if self.thresholds_ is not None:
-            far = ~(votes.distances <= self.thresholds_[votes.winners])
-            if far.any():
-                labels = labels.astype(object)
-                labels[far] = None
+        refused = np.array(refusals(votes, self.thresholds_, self._settings().classify.margin)) != ""
+        if refused.any():
+            labels = labels.astype(object)
+            labels[refused] = None
         return labels
 
     def predictions(self, X: Sequence[Item]) -> list[Prediction]:
@@ -151,14 +159,17 @@ class GestureClassifier:
                 out[place] = Prediction(None, "error", code=error.code, message=error.message)
         if usable:
             distances = self._distances(usable, self.library_.series)
-            decided = decide(distances, usable, self.library_, self._k(), self.thresholds_)
+            margin = self._settings().classify.margin
+            decided = decide(
+                distances, usable, self.library_, self._k(), self.thresholds_, self.weighing_, margin
+            )
             for place, prediction in zip(places, decided, strict=True):
                 out[place] = prediction
         return [prediction for prediction in out if prediction is not None]
 
     def kneighbors(self, X: Sequence[Item], n_neighbors: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(Q, k) distances and indices into the ``X`` of `fit`, nearest first."""
-        near = k_nearest(self.distances(X), self._k() if n_neighbors is None else n_neighbors)
+        near = k_nearest(self.distances(X), max(1, self._k()) if n_neighbors is None else n_neighbors)
         return near.distances, self.example_indices_[near.indices]
 
     def score(self, X: Sequence[Item], y: Sequence[object]) -> float:
@@ -216,6 +227,9 @@ class GestureClassifier:
 
     def _k(self) -> int:
         return self._settings().classify.neighbors if self.n_neighbors is None else self.n_neighbors
+
+    def _votes(self, distances: np.ndarray) -> Votes:
+        return votes_of(distances, self.library_.codes, len(self.classes_), self._k(), self.weighing_)
 
     def _rejection(self, settings: Settings, library: ExampleLibrary) -> tuple[float | None, bool]:
         """The largest distance that gets a label, and whether each class has a calibrated one as well."""

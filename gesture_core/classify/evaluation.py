@@ -10,9 +10,10 @@ import numpy as np
 
 from gesture_core.classify.comparison import compare
 from gesture_core.classify.library import medoids
-from gesture_core.classify.neighbors import Votes, vote
+from gesture_core.classify.neighbors import Votes, votes_of
 from gesture_core.classify.protocols import folds
-from gesture_core.classify.rejection import calibrated_thresholds
+from gesture_core.classify.rejection import calibrated_thresholds, refusals
+from gesture_core.classify.weighing import learn_weights
 from gesture_core.errors import GestureError, InputError
 from gesture_core.settings import Settings
 from gesture_core.signals.chain import Chain
@@ -205,10 +206,11 @@ def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None 
         if settings.classify.representative:
             examples = examples[medoids(within[np.ix_(examples, examples)], codes[examples])]
         thresholds = _thresholds(within, fold.train, codes, len(classes), settings)
-        block = within[np.ix_(fold.test, examples)]
-        votes = vote(block, codes[examples], len(classes), min(settings.classify.neighbors, len(examples)))
+        votes = fold_votes(within, codes, examples, fold.test, settings)
+        refused = refusals(votes, thresholds, settings.classify.margin)
         for row, where in enumerate(fold.test):
-            answers.append(_answer(data, int(usable[where]), fold.name, votes, row, classes, thresholds))
+            origin = int(usable[where])
+            answers.append(_answer(data, origin, fold.name, votes, row, classes, thresholds, refused[row]))
         tested = {subjects[where] for where in fold.test}
         answers += [
             _unusable(data, index, fold.name, error)
@@ -218,6 +220,35 @@ def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None 
     if protocol == "leave-one-out":
         answers += [_unusable(data, index, str(index), error) for index, error in compared.errors.items()]
     return Evaluation(answers, protocol, settings, dict(changes or {}))
+
+
+def fold_votes(
+    within: np.ndarray, codes: np.ndarray, examples: np.ndarray, tested: np.ndarray, settings: Settings
+) -> Votes:
+    """What the classifier would say of some sequences, given others as its examples.
+
+    Parameters
+    ----------
+    within : (M, M) float array
+        Distances of all sequences, as queries, to all, as examples.
+    codes : (M,) int array
+        Class of each sequence.
+    examples, tested : int arrays
+        Positions in ``within``.
+    settings : Settings
+
+    Returns
+    -------
+    Votes
+        Of the tested sequences, classes numbered as in ``codes``.
+    """
+    chosen, classes = settings.classify, int(codes.max()) + 1
+    weighing = None
+    if chosen.neighbors == 0:
+        among = within[np.ix_(examples, examples)]
+        weighing = learn_weights(among, codes[examples], classes, chosen.sharpness, chosen.shrinkage)
+    block = within[np.ix_(tested, examples)]
+    return votes_of(block, codes[examples], classes, min(chosen.neighbors, len(examples)), weighing)
 
 
 def choose_nested(candidates: Sequence[Compared]) -> tuple[Evaluation, dict[str, int]]:
@@ -251,20 +282,20 @@ def _answer(
     row: int,
     classes: np.ndarray,
     thresholds: np.ndarray,
+    code: str,
 ) -> Answer:
     winner, distance = int(votes.winners[row]), float(votes.distances[row])
     threshold = float(thresholds[winner]) if winner >= 0 else np.inf
-    taken = winner >= 0 and distance <= threshold
     return Answer(
         data.names[origin],
         str(data.labels[origin]),
         data.subjects[origin],
         fold,
-        str(classes[winner]) if taken else None,
+        None if code else str(classes[winner]),
         distance,
         float(votes.margins[row]),
         threshold,
-        "" if taken else "E_REJECTED" if winner >= 0 else "E_NO_COMMON",
+        code,
     )
 
 

@@ -1,4 +1,4 @@
-"""Why a query is near one example and farther from another: the warping, and what each channel costs."""
+"""Why a query got its label: the warpings, what each channel costs, and what each example says."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 
 from gesture_core.classify.comparison import comparable, pair_factors, takes_parts
 from gesture_core.classify.library import ExampleLibrary
+from gesture_core.classify.neighbors import weigh
 from gesture_core.classify.separate import part_spec, parts, take
+from gesture_core.classify.weighing import Weighing
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import InputError
 from gesture_core.settings import Settings
@@ -57,16 +59,53 @@ class Alignment:
         return self.paths[int(self.places[channel])]
 
 
+@dataclass(frozen=True)
+class Voice:
+    """What one example says where all of them decide.
+
+    Attributes
+    ----------
+    example, label : str
+    distance : float
+    similarity : float
+        0 to 1.
+    says : float
+        What it adds to the score of the nearest class minus that of the runner-up.
+    """
+
+    example: str
+    label: str
+    distance: float
+    similarity: float
+    says: float
+
+
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """The nearest example of the nearest class, and that of the runner-up (None with one class)."""
+    """The nearest example of the class that won, and that of the runner-up (None with one class).
+
+    Attributes
+    ----------
+    nearest : Alignment
+    runner_up : Alignment or None
+    voices : tuple of Voice
+        Of all examples, the loudest first, where all of them decide; what they say adds up to `lead`.
+    lead : float
+        Score of the winner minus that of the runner-up; 0 where the nearest example decides.
+    """
 
     nearest: Alignment
     runner_up: Alignment | None
+    voices: tuple[Voice, ...] = ()
+    lead: float = 0.0
 
 
 def explain(
-    query: Signals, library: ExampleLibrary, distances: np.ndarray, settings: Settings
+    query: Signals,
+    library: ExampleLibrary,
+    distances: np.ndarray,
+    settings: Settings,
+    weighing: Weighing | None = None,
 ) -> Explanation:
     """Explain one row of distances.
 
@@ -78,6 +117,8 @@ def explain(
     distances : (N,) float array
         The query's distances to the examples, as `comparison.compare` gives them.
     settings : Settings
+    weighing : Weighing, optional
+        What each example says, where all of them decide.
 
     Raises
     ------
@@ -89,11 +130,39 @@ def explain(
     first = int(order[0])
     if not np.isfinite(clean[first]):
         raise InputError("no example has a dimension in common with this input", code="E_NO_COMMON")
+    if weighing is not None:
+        return _weighed(query, library, clean, settings, weighing)
     others = [int(i) for i in order if library.labels[i] != library.labels[first] and np.isfinite(clean[i])]
     return Explanation(
         align(query, library, first, settings),
         align(query, library, others[0], settings) if others else None,
     )
+
+
+def _weighed(
+    query: Signals, library: ExampleLibrary, distances: np.ndarray, settings: Settings, weighing: Weighing
+) -> Explanation:
+    """The two best classes by their nearest examples, and what each example says about these two."""
+    codes = library.codes
+    votes = weigh(distances[None], codes, len(library.classes), weighing)
+    assert votes.order is not None
+    first, *others = (
+        int(np.where(codes == c, distances, np.inf).argmin())
+        for c in votes.order[0]
+        if np.isfinite(distances[codes == c]).any()
+    )
+    nearest = align(query, library, first, settings)
+    if not others:
+        return Explanation(nearest, None)
+    said = weighing.voices(distances[None])[0]
+    says = said[:, codes[first]] - said[:, codes[others[0]]]
+    similarities = weighing.similarities(distances[None])[0]
+    voices = tuple(
+        Voice(library.names[i], str(library.labels[i]), float(distances[i]), float(s), float(says[i]))
+        for i, s in enumerate(similarities)
+    )
+    loudest = tuple(sorted(voices, key=lambda voice: -abs(voice.says)))
+    return Explanation(nearest, align(query, library, others[0], settings), loudest, float(says.sum()))
 
 
 def align(query: Signals, library: ExampleLibrary, index: int, settings: Settings) -> Alignment:

@@ -6,8 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gesture_core.classify.weighing import Weighing, leading
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.types import Neighbors
+
+# Classes that an answer of weighed examples names.
+_NAMED = 3
 
 
 def k_nearest(distances: np.ndarray, k: int = 1) -> Neighbors:
@@ -57,12 +61,15 @@ class Votes:
     margins : (Q,) float
         Distance to the nearest example of any other class minus ``distances``: infinite where no
         other class can be compared, negative where a vote of several neighbours overruled the
-        nearest one.
+        nearest one. Where all examples were weighed, what the winner's score is ahead of the next.
+    order : (Q, C) int64, optional
+        The classes, best first, where all examples were weighed.
     """
 
     winners: np.ndarray
     distances: np.ndarray
     margins: np.ndarray
+    order: np.ndarray | None = None
 
 
 def vote(distances: np.ndarray, codes: np.ndarray, classes: int, k: int = 1) -> Votes:
@@ -97,6 +104,56 @@ def vote(distances: np.ndarray, codes: np.ndarray, classes: int, k: int = 1) -> 
     other = rest.min(axis=1) if classes > 1 else np.full(len(rows), np.inf)
     margins = np.where(winners >= 0, other - np.where(np.isfinite(own), own, 0), np.inf)
     return Votes(winners, own, margins)
+
+
+def weigh(distances: np.ndarray, codes: np.ndarray, classes: int, weighing: Weighing) -> Votes:
+    """The class with the highest score when every example has its say.
+
+    Parameters
+    ----------
+    distances : (Q, N) float array
+    codes : (N,) int array
+        Class of each example, 0 to ``classes - 1``.
+    classes : int
+    weighing : Weighing
+        Learned from these N examples.
+    """
+    nearest = class_minima(distances, codes, classes)
+    order, found, leads = leading(weighing, distances, nearest)
+    winners = np.where(found, order[:, 0], -1)
+    own = np.where(found, nearest[np.arange(len(nearest)), order[:, 0]], np.inf)
+    return Votes(winners, own, leads, order)
+
+
+def votes_of(
+    distances: np.ndarray, codes: np.ndarray, classes: int, k: int = 1, weighing: Weighing | None = None
+) -> Votes:
+    """What all examples say where they are weighed, otherwise the `vote` of the ``k`` nearest."""
+    if weighing is not None:
+        return weigh(distances, codes, classes, weighing)
+    return vote(distances, codes, classes, k)
+
+
+def speakers(distances: np.ndarray, codes: np.ndarray, votes: Votes, k: int = 1) -> list[np.ndarray]:
+    """Examples to name beside each answer: the ``k`` nearest, nearest first.
+
+    Where all examples were weighed, the nearest one of each of the three best classes, best class
+    first. Examples at an infinite distance are left out.
+
+    Returns
+    -------
+    list of Q int64 arrays
+        Indices of examples.
+    """
+    if votes.order is None:
+        near = k_nearest(distances, k)
+        return [where[np.isfinite(row)] for row, where in zip(near.distances, near.indices, strict=True)]
+    clean = np.where(np.isnan(distances), np.inf, distances).astype(np.float64)
+    named = []
+    for row, order in zip(clean, votes.order, strict=True):
+        each = [np.where(codes == c, row, np.inf) for c in order[:_NAMED]]
+        named.append(np.array([one.argmin() for one in each if np.isfinite(one).any()], np.int64))
+    return named
 
 
 def class_minima(distances: np.ndarray, codes: np.ndarray, classes: int) -> np.ndarray:

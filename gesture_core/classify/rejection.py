@@ -1,10 +1,39 @@
-"""When the nearest example is still too far away to lend its label."""
+"""When no label is warranted: the nearest example is too far away, or another class as likely."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from gesture_core.classify.neighbors import Votes
 from gesture_core.errors import ConfigError
+
+
+def refusals(votes: Votes, thresholds: np.ndarray | None = None, margin: float | None = None) -> list[str]:
+    """Why each query gets no label: the code of the reason, empty where it gets one.
+
+    Parameters
+    ----------
+    votes : Votes
+        Of Q queries.
+    thresholds : (C,) float array, optional
+        Largest distance at which each class lends its label (E_REJECTED).
+    margin : float, optional
+        Smallest margin that a label needs (E_UNSURE).
+
+    Returns
+    -------
+    list of Q str
+        E_NO_COMMON where no example could be compared.
+    """
+    codes = []
+    for winner, distance, lead in zip(votes.winners, votes.distances, votes.margins, strict=True):
+        if winner < 0:
+            codes.append("E_NO_COMMON")
+        elif thresholds is not None and not distance <= thresholds[winner]:
+            codes.append("E_REJECTED")
+        else:
+            codes.append("E_UNSURE" if margin is not None and lead < margin else "")
+    return codes
 
 
 def calibrated_thresholds(within: np.ndarray, codes: np.ndarray, classes: int, sd: float) -> np.ndarray:

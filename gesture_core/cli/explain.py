@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.cli.screen import counted, print_table, visible
 from gesture_core.errors import GestureError, InputError, RunFolderError
 
+# Examples that are listed with what they say.
+_VOICES = 6
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
@@ -61,7 +64,7 @@ def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, 
     query = _query(row, people, settings)
     classifier = _classifier(examples, people, settings)
     distances = classifier.distances([query])[0]
-    found = explain_row(query, classifier.library_, distances, settings)
+    found = explain_row(query, classifier.library_, distances, settings, classifier.weighing_)
     title = f"{Path(row.input).name}: {row.label or row.status}"
     safe = re.sub(r"[^\w.-]+", "_", Path(row.input).name)
     target = out or run / f"explain-{safe}.png"
@@ -191,3 +194,18 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
     idle = len(used) - len(order)
     notes += [f"{counted(idle, 'channel')} left out"] if idle else []
     print("; ".join([*notes, "costs add up to the distance"]))
+    _print_voices(found)
+
+
+def _print_voices(found: Explanation) -> None:
+    """What the examples say, where all of them decide: the loudest ones, and the sum of the others."""
+    far = found.runner_up
+    if not found.voices or far is None:
+        return
+    speaks = f"speaks for {found.nearest.label} against {far.label}"
+    loud, rest = found.voices[:_VOICES], found.voices[_VOICES:]
+    rows = [[visible(v.example), v.label, f"{v.distance:.4g}", f"{v.says:+.3f}"] for v in loud]
+    if rest:
+        rows.append([counted(len(rest), "more example"), "", "", f"{sum(v.says for v in rest):+.3f}"])
+    print_table(["example", "label", "distance", speaks], rows, right=["distance", speaks])
+    print(f"all examples decide; what they say adds up to the margin, {found.lead:.3g}")

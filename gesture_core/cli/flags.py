@@ -55,7 +55,9 @@ class KernelFlags(PoseFlags):
 class Flags(KernelFlags):
     """Those of commands that give labels as well."""
 
-    neighbors: Annotated[int | None, Parameter(help="k of the k-nearest-neighbour vote.")] = None
+    neighbors: Annotated[
+        int | None, Parameter(help="k of the k-nearest-neighbour vote; 0: all examples decide, weighed.")
+    ] = None
     reject: Annotated[
         str | None,
         Parameter(help="Give no label beyond this distance, or beyond mean + K sd of its class: '3sd'."),

@@ -101,12 +101,21 @@ class ClassifySettings:
     kernel : str
         Name of a distance kernel, or ``auto``.
     neighbors : int
-        k of the k-nearest-neighbour vote.
+        k of the k-nearest-neighbour vote. 0: all examples decide, and how much each of them says for
+        each class is learned from the distances among them (`gesture_core.classify.weighing`).
+    sharpness : float
+        With ``neighbors = 0``: a similarity is exp(-sharpness * d), where d is 1 for an example of
+        another class at its usual distance.
+    shrinkage : float
+        With ``neighbors = 0``: penalty on the squared weights; more makes all examples more alike.
     reject : None or float
         Distances above this get no label.
     reject_sd : None or float
         As well: threshold of each class = mean + this many standard deviations of the distances
         inside the class. The lower of the two counts.
+    margin : None or float
+        Labels with a smaller margin are rejected (E_UNSURE). The margin is the lead of the winner's
+        score where all examples decide (0 to about 1), otherwise of its distance.
     representative : bool
         Keep only the medoid of each class as its example.
     min_pose : float
@@ -129,8 +138,11 @@ class ClassifySettings:
 
     kernel: str = "auto"
     neighbors: int = 1
+    sharpness: float = 3.0
+    shrinkage: float = 0.1
     reject: float | None = None
     reject_sd: float | None = None
+    margin: float | None = None
     representative: bool = False
     min_pose: float = 0.25
     mirror: float | None = None
@@ -140,7 +152,8 @@ class ClassifySettings:
     rest: float = 0.0
 
     def __post_init__(self) -> None:
-        bounds = {"neighbors": (1, 1e9), "reject": (-_INFINITE, _INFINITE), "reject_sd": (0, _INFINITE)}
+        bounds = {"neighbors": (0, 1e9), "sharpness": (0.01, 100), "shrinkage": (1e-6, 1e6)}
+        bounds |= {"reject": (-_INFINITE, _INFINITE), "reject_sd": (0, _INFINITE), "margin": (0, _INFINITE)}
         bounds |= {"min_pose": (0, 1), "mirror": (1, _INFINITE), "relative": (0, 1), "rest": (0, _INFINITE)}
         _within("classify", self, bounds)
 
