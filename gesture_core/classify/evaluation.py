@@ -201,6 +201,7 @@ def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None 
     subjects = [data.subjects[i] for i in usable]
     train = None if data.train is None else [data.train[i] for i in usable]
     answers: list[Answer] = []
+    names: list[str] = []
     for fold in folds(protocol, codes, subjects, within, train):
         examples = fold.train
         if settings.classify.representative:
@@ -211,14 +212,10 @@ def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None 
         for row, where in enumerate(fold.test):
             origin = int(usable[where])
             answers.append(_answer(data, origin, fold.name, votes, row, classes, thresholds, refused[row]))
-        tested = {subjects[where] for where in fold.test}
-        answers += [
-            _unusable(data, index, fold.name, error)
-            for index, error in compared.errors.items()
-            if _would_be_tested(data, index, protocol, tested)
-        ]
-    if protocol == "leave-one-out":
-        answers += [_unusable(data, index, str(index), error) for index, error in compared.errors.items()]
+        names.append(fold.name)
+    for index, error in compared.errors.items():
+        tested_in = _folds_of(data, index, protocol, names)
+        answers += [_unusable(data, index, fold_name, error) for fold_name in tested_in]
     return Evaluation(answers, protocol, settings, dict(changes or {}))
 
 
@@ -304,13 +301,13 @@ def _unusable(data: Labelled, index: int, fold: str, error: GestureError) -> Ans
     return Answer(data.names[index], label, subject, fold, None, np.inf, np.inf, code=error.code)
 
 
-def _would_be_tested(data: Labelled, index: int, protocol: str, tested: set[str]) -> bool:
-    """Whether a sequence that cannot be used belongs among the queries of a fold."""
-    if protocol == "leave-one-out":
-        return False
+def _folds_of(data: Labelled, index: int, protocol: str, names: Sequence[str]) -> Sequence[str]:
+    """The folds that ask for a sequence that cannot be used, even where they ask for nothing else."""
     if protocol == "split":
-        return data.train is None or not data.train[index]
-    return data.subjects[index] in tested
+        return names if data.train is None or not data.train[index] else ()
+    if protocol == "donor":
+        return [name for name in names if name != data.subjects[index]]
+    return [data.subjects[index] if protocol == "leave-one-subject-out" else data.names[index]]
 
 
 def wilson(right: int, total: int, z: float = 1.96) -> tuple[float, float]:

@@ -113,6 +113,19 @@ def test_protocols_that_do_not_fit() -> None:
         evaluate(Labelled([PoseError("nobody")], ["a"], ["A"], ["x"]), "leave-one-out", PAPER)
 
 
+@pytest.mark.parametrize(("protocol", "each"), [("leave-one-subject-out", 1), ("donor", 3)])
+def test_a_subject_of_whom_nothing_can_be_used_counts_as_not_recognised(protocol: str, each: int) -> None:
+    data = archive()
+    gone = [PoseError("nobody", code="E_POSE_SPARSE")] * 4
+    data = Labelled(
+        [*data.poses, *gone], [*data.labels, *["up"] * 4], [*data.subjects, *"DDDD"], [*data.names, *"wxyz"]
+    )
+    found = evaluate(data, protocol, PAPER)
+    failed = [answer for answer in found.answers if answer.code == "E_POSE_SPARSE"]
+    assert len(failed) == 4 * each and {answer.subject for answer in failed} == {"D"}
+    assert found.accuracy == pytest.approx(12 / 16 if each == 1 else 24 / 36)
+
+
 def test_rejection_trades_coverage_for_accuracy() -> None:
     found = evaluate(archive(), "leave-one-subject-out", PAPER)
     curve = found.rejection_curve()
