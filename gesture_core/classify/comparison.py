@@ -12,6 +12,7 @@ from gesture_core.classify.common import common_share
 from gesture_core.classify.relative import divided, pair_sizes, size_shares
 from gesture_core.classify.separate import separate_distances
 from gesture_core.dtw.spec import DtwSpec
+from gesture_core.errors import ConfigError, InputError
 from gesture_core.signals.mirror import mirrored
 from gesture_core.types import Signals
 
@@ -45,9 +46,21 @@ def compare(
     -------
     (Q, N) float array
         Infinity where a pair has no dimension in common.
+
+    Raises
+    ------
+    ConfigError
+        See `check_settings`.
+    InputError
+        For a mixture of arrays and Signals, whose distances have different units, or of different
+        channels.
     """
     from gesture_core.dtw.distances import warping_distances
 
+    check_settings(settings)
+    if not queries or not examples:
+        return np.empty((len(queries), len(examples)))
+    check_alike([*queries, *examples], "series")
     chosen = settings.classify
     name = kernel or chosen.kernel
 
@@ -66,6 +79,35 @@ def compare(
         found = _measured(queries, series, settings, warp)  # type: ignore[arg-type]
         distances = np.minimum(distances, factor * found)
     return np.where(apart, np.inf, distances)
+
+
+def check_settings(settings: Settings) -> None:
+    """A ConfigError where `classify.relative` would divide what does not grow as sizes do."""
+    if settings.classify.relative is not None and (settings.dtw.cost != "squared" or settings.dtw.root):
+        raise ConfigError(
+            f"classify.relative divides sums of squares, and dtw.cost = {settings.dtw.cost}, "
+            f"dtw.root = {str(settings.dtw.root).lower()} are none",
+            remedy="--set classify.relative=none --set classify.reject=none",
+            code="E_OPTION",
+        )
+
+
+def check_alike(series: Sequence[Series], name: str) -> None:
+    """An InputError where ``series`` cannot be compared with each other; ``name`` is what they are."""
+    named = [item.channels if isinstance(item, Signals) else None for item in series]
+    for index, channels in enumerate(named):
+        if (channels is None) != (named[0] is None):
+            raise InputError(
+                f"{name} {index}: bare arrays and signals with channel names cannot be compared",
+                remedy="all of one kind; GestureClassifier.signals(poses) makes signals",
+                code="E_MIXED",
+            )
+        if channels != named[0]:
+            raise InputError(
+                f"{name} {index} has other channels than {name} 0",
+                remedy="signals of one preset",
+                code="E_DIMENSIONS",
+            )
 
 
 def pair_factors(queries: Sequence[Signals], examples: Sequence[Signals], settings: Settings) -> np.ndarray:

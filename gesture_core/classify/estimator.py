@@ -9,16 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from gesture_core.classify.comparison import compare, is_still
+from gesture_core.classify.comparison import check_alike, check_settings, compare, is_still
 from gesture_core.classify.decide import decide
 from gesture_core.classify.library import ExampleLibrary, medoids
 from gesture_core.classify.neighbors import Votes, k_nearest, votes_of
 from gesture_core.classify.rejection import calibrated_thresholds, refusals
 from gesture_core.classify.weighing import Weighing, learn_weights
 from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.plugin import registry
 from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings
 from gesture_core.signals.chain import Chain
-from gesture_core.types import PoseSequence, Prediction, Signals
+from gesture_core.types import PoseSequence, Prediction, SignalBatch, Signals
 
 Item = PoseSequence | Signals | np.ndarray
 
@@ -38,9 +39,14 @@ class GestureClassifier:
         Largest distance that gets a label; ``"calibrated"`` takes mean + ``reject_sd`` (of the
         preset, otherwise 3) standard deviations of the distances inside each class. None leaves
         it to the preset.
+    rejected_label : object
+        What `predict` answers where it gives no label: None, or a label of your own for metrics
+        that compare strings.
 
     Attributes
     ----------
+    settings_ : Settings
+        What `fit` resolved; later changes of files and of the environment do not reach it.
     classes_ : (C,) array
         The labels, each once, sorted.
     library_ : ExampleLibrary
@@ -55,7 +61,7 @@ class GestureClassifier:
     Notes
     -----
     ``X`` is a sequence of `PoseSequence`, of `Signals`, or of (T, D) arrays, which are compared
-    as they are. All elements have the same number of channels.
+    as they are. All elements have the same channels, and are all arrays or none is.
 
     Examples
     --------
@@ -74,11 +80,13 @@ class GestureClassifier:
         kernel: str = "auto",
         n_neighbors: int | None = None,
         reject: float | str | None = None,
+        rejected_label: object = None,
     ) -> None:
         self.preset = preset
         self.kernel = kernel
         self.n_neighbors = n_neighbors
         self.reject = reject
+        self.rejected_label = rejected_label
 
     def fit(
         self, X: Sequence[Item], y: Sequence[object], names: Sequence[str] | None = None
@@ -92,8 +100,12 @@ class GestureClassifier:
         """
         if len(X) != len(y):
             raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
-        settings = self._settings()
+        self.settings_ = settings = self._resolve()
+        check_settings(settings)
         library = ExampleLibrary.of(self.signals(X), list(y), names)
+        _check_series(library.series, "example")
+        if settings.classify.kernel != "auto":
+            registry().find("kernel", settings.classify.kernel)
         indices = np.arange(len(library))
         limit, calibrated = self._rejection(settings, library)
         self.thresholds_: np.ndarray | None = None
@@ -120,7 +132,8 @@ class GestureClassifier:
         return self
 
     def predict(self, X: Sequence[Item]) -> np.ndarray:
-        """(Q,) labels, of the type of ``y``; None (in an object array) where a query is rejected.
+        """(Q,) labels, of the type of ``y``; ``rejected_label`` (in an object array) where no label is
+        warranted: nothing moves, or the nearest example is too far.
 
         Raises
         ------
@@ -129,19 +142,19 @@ class GestureClassifier:
         """
         signals = self.signals(X)
         votes = self._votes(self.distances(signals))
-        if (votes.winners < 0).any():
-            first = int(np.argmax(votes.winners < 0))
-            still = is_still(signals[first])
-            raise InputError(
-                f"query {first} {'stands still' if still else 'has no dimension in common with any example'}",
-                remedy="predictions() gives it a row instead",
-                code="E_NO_SALIENT" if still else "E_NO_COMMON",
-            )
+        for index in np.flatnonzero(votes.winners < 0):
+            if not is_still(signals[index]):
+                raise InputError(
+                    f"query {index} has no dimension in common with any example",
+                    remedy="predictions() gives it a row instead",
+                    code="E_NO_COMMON",
+                )
         labels = self.classes_[votes.winners]
-        refused = np.array(refusals(votes, self.thresholds_, self._settings().classify.margin)) != ""
+        limits, margin = self.thresholds_, self._settings().classify.margin
+        refused = (votes.winners < 0) | (np.array(refusals(votes, limits, margin), str) != "")
         if refused.any():
             labels = labels.astype(object)
-            labels[refused] = None
+            labels[refused] = self.rejected_label
         return labels
 
     def predictions(self, X: Sequence[Item]) -> list[Prediction]:
@@ -153,7 +166,9 @@ class GestureClassifier:
         chain = self._chain()
         for place, item in enumerate(X):
             try:
-                usable.append(chain(item) if isinstance(item, PoseSequence) else item)
+                series = chain(item) if isinstance(item, PoseSequence) else item
+                _check_series([self.library_.series[0], series], "query")
+                usable.append(series)
                 places.append(place)
             except GestureError as error:
                 out[place] = Prediction(None, "error", code=error.code, message=error.message)
@@ -217,6 +232,9 @@ class GestureClassifier:
         return f"GestureClassifier(preset={preset!r}, kernel={self.kernel!r}, n_neighbors={self.n_neighbors})"
 
     def _settings(self) -> Settings:
+        return self.settings_ if hasattr(self, "settings_") else self._resolve()
+
+    def _resolve(self) -> Settings:
         settings = self.preset if isinstance(self.preset, Settings) else load_settings(self.preset)
         if self.kernel != "auto":
             settings = replace(settings, classify=replace(settings.classify, kernel=self.kernel))
@@ -256,3 +274,10 @@ class GestureClassifier:
             raise InputError(
                 "the classifier has no examples yet", remedy="fit(X, y) first", code="E_EXAMPLES"
             )
+
+
+def _check_series(series: Sequence[Signals | np.ndarray], name: str) -> None:
+    """An InputError where ``series`` are not of one kind and width, or bare arrays are no numbers."""
+    check_alike(series, name)
+    if not isinstance(series[0], Signals):
+        SignalBatch.of(series, np.float64, name=name)

@@ -14,7 +14,7 @@ from swings import pose, swing
 
 from gesture_core import GestureClassifier, warping_distances
 from gesture_core.classify.comparison import common_share, compare
-from gesture_core.errors import ConfigError, InputError
+from gesture_core.errors import ConfigError, InputError, PluginError
 from gesture_core.settings import Settings, load_settings
 from gesture_core.types import Signals
 
@@ -177,9 +177,66 @@ def test_a_person_who_stands_still_is_no_gesture_unless_an_example_stands_still_
     moving = GestureClassifier("modern").fit(poses, labels)
     (row,) = moving.predictions(queries[:1])
     assert (row.label, row.status, row.code) == (None, "rejected", "E_NO_SALIENT")
-    with pytest.raises(InputError, match="stands still"):
-        moving.predict(queries[:1])
+    assert moving.predict([poses[0], queries[0]]).tolist() == ["up", None]
     both = GestureClassifier("modern").fit([*poses, queries[0]], [*labels, "waiting"])
     assert both.predictions(queries[1:])[0].label == "waiting"
     truth = data(1, seed=9)
     assert both.predict(truth[0]).tolist() == truth[1]
+
+
+def test_what_is_rejected_has_the_label_that_metrics_need() -> None:
+    poses, labels = data()
+    still = pose(swing(size=0.0, frames=30) + np.random.default_rng(0).normal(0, 0.5, (30, 18, 2)))
+    model = GestureClassifier("modern", rejected_label="(none)").fit(poses, labels)
+    assert model.predict([still, poses[8]]).tolist() == ["(none)", "side"]
+    scores = cross_val_score(model, [*poses, still], [*labels, "side"], cv=3, scoring="accuracy")
+    assert np.isfinite(scores).all() and scores.mean() < 1
+
+
+def test_a_fitted_classifier_does_not_change_with_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    poses, labels = data()
+    model = GestureClassifier("modern").fit(poses, labels)
+    before = model.distances(poses)
+    monkeypatch.setenv("GESTURE_SET_CLASSIFY__MIRROR", "none")
+    monkeypatch.setenv("GESTURE_SET_RESAMPLE__RATE", "10")
+    np.testing.assert_array_equal(model.distances(poses), before)
+    assert model.settings_.classify.mirror is not None
+    assert model.fit(poses, labels).settings_.classify.mirror is None
+
+
+def test_bare_arrays_and_signals_do_not_mix() -> None:
+    poses, labels = data()
+    model = GestureClassifier("modern").fit(poses, labels)
+    signals = model.signals(poses)
+    array = signals[0].values  # type: ignore[union-attr]
+    with pytest.raises(InputError, match="E_MIXED"):
+        model.distances([signals[0], array])
+    assert [row.code for row in model.predictions([array, signals[0]])] == ["E_MIXED", ""]
+    with pytest.raises(InputError, match="E_MIXED"):
+        GestureClassifier("modern").fit([signals[0], array], ["a", "b"])
+    other = GestureClassifier("paper").fit(poses, labels).signals(poses)
+    assert [row.code for row in model.predictions([other[0], signals[0]])] == ["E_DIMENSIONS", ""]
+
+
+def test_bad_arrays_are_refused_where_they_are_given() -> None:
+    good, hole, wide = np.zeros((5, 2)), np.array([[0.0, np.nan]] * 5), np.zeros((5, 3))
+    model = GestureClassifier(kernel="numpy").fit([good, good + 1], ["a", "b"])
+    assert [row.code for row in model.predictions([good, hole, wide])] == ["", "E_NOT_FINITE", "E_DIMENSIONS"]
+    assert model.predict([]).tolist() == [] and model.predictions([]) == []
+    for bad in (hole, wide):
+        with pytest.raises(InputError):
+            GestureClassifier(kernel="numpy").fit([good, bad], ["a", "b"])
+    with pytest.raises(PluginError, match="numba"):
+        GestureClassifier(kernel="nmuba").fit([good], ["a"])
+    poses, labels = data()
+    assert GestureClassifier("modern").fit(poses, labels).predict([]).tolist() == []
+
+
+@pytest.mark.parametrize("change", [("dtw.cost", "absolute"), ("dtw.root", True)])
+def test_sizes_of_squares_divide_no_other_costs(change: tuple[str, object]) -> None:
+    poses, labels = data()
+    settings = load_settings("modern", environment={}).with_values([change])
+    with pytest.raises(ConfigError, match="relative=none"):
+        GestureClassifier(settings).fit(poses, labels)
+    plain = settings.with_values([("classify.relative", None), ("classify.reject", None)])
+    assert GestureClassifier(plain).fit(poses, labels).predict(poses).tolist() == labels
