@@ -34,7 +34,8 @@ def load_poses(
     workers : int
         Worker processes; 0 for one for each core.
     changes
-        Settings by name with ``__`` for the dot, such as ``pose__model="hpe0001"``.
+        Settings by name with ``__`` for the dot, such as ``pose__model="hpe0001"`` or
+        ``classify__reject=None``.
 
     Returns
     -------
@@ -112,6 +113,5 @@ def classify_archive(
 
 
 def _settings(settings: Settings | str | None, changes: dict[str, Any]) -> Settings:
-    if isinstance(settings, Settings):
-        return settings.with_values((key.replace("__", "."), value) for key, value in changes.items())
-    return load_settings(settings, **changes)
+    ready = settings if isinstance(settings, Settings) else load_settings(settings)
+    return ready.with_values((key.replace("__", "."), value) for key, value in changes.items())

@@ -136,8 +136,10 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
 
 def _kernel(settings: Settings) -> str:
     """The distance kernel that the settings name, or the fastest one; only this package's are tried."""
+    from gesture_core.classify.comparison import check_settings
     from gesture_core.dtw.distances import choose_kernel
 
+    check_settings(settings)
     name = settings.classify.kernel
     if name != "auto" and not registry().find("kernel", name).origin.built_in:
         return name

@@ -51,11 +51,14 @@ def evaluate(
     grid
         A setting with the values to try, such as t_var=0.05,0.10; may be repeated.
     """
+    from gesture_core.classify.comparison import check_settings
     from gesture_core.classify.evaluation import answer, choose_nested, compare_all
 
     settings = (flags or Flags()).settings()
     points = _grid(grid)
     candidates = [settings.with_values(point.items(), "--grid") for point in points]
+    for candidate in candidates:
+        check_settings(candidate)
     items = _labelled(sources, labels, out)
     who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
     examples = _examples(items, train, protocol)
