@@ -233,3 +233,11 @@ def test_links_that_lead_nowhere_are_rows(queries: Path, examples: Path, tmp_pat
     (queries / "gone.mp4").symlink_to(tmp_path / "nothing")
     rows = {Path(row.input).name: row for row in run(queries, examples, tmp_path / "run").rows()}
     assert rows["gone.mp4"].status == "error" and rows["gone.mp4"].code == "E_READ"
+
+
+def test_none_is_a_value_whatever_names_the_settings(queries: Path, examples: Path, tmp_path: Path) -> None:
+    strict = tmp_path / "strict.toml"
+    strict.write_text('base = "paper"\n[classify]\nreject = 1e-12\n')
+    for name, change, found in (("a", {}, {None}), ("b", {"classify__reject": None}, {"wave", "circle"})):
+        summary = classify_archive(queries, examples, tmp_path / name, str(strict), workers=1, **change)
+        assert {row.label for row in summary.rows()} <= found, name
