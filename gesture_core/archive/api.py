@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -42,14 +43,23 @@ def load_poses(
     list of PoseSequence
         In the order of the inputs. `PoseSequence.source` names the input.
 
+    Warns
+    -----
+    UserWarning
+        Where something is neither a video nor a keypoint file, and left out.
+
     Raises
     ------
     GestureError
         For the first input that cannot be read; `classify_archive` gives such an input a row instead.
     """
-    items = [item for item in discover(as_strings(sources)) if item.kind != "other"]
+    found = discover(as_strings(sources))
+    items = [item for item in found if item.kind != "other"]
     if not items:
         raise InputError("no video or keypoint file", subject=str(sources), code="E_EMPTY")
+    if strangers := [item.name for item in found if item.kind == "other"]:
+        shown = ", ".join(strangers[:5]) + (", …" if strangers[5:] else "")
+        warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)
     for item in items:
         if item.kind == "broken":
             raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)

@@ -24,7 +24,7 @@ def skipped_row(item: Input, fingerprint: str) -> Row:
         item.name,
         status="skipped",
         code="E_NOT_AN_INPUT",
-        message=f"{item.name}: {item.fault}; try: a manifest that leaves it out",
+        message=f"{item.name}: {item.fault}; try: another format, or a manifest that leaves it out",
         fingerprint=fingerprint,
     )
 

@@ -71,13 +71,13 @@ def label_inputs(items: Sequence[Input], labels: str, roots: Sequence[str | os.P
     ------
     ConfigError
         Where the expression is wrong, or an input gets no label; a label from a manifest is kept.
-        What is broken may do without one: it cannot be used in any case.
+        What is broken or nobody's may do without one: it cannot be used in any case.
     """
     find = _labeller(labels, [Path(root) for root in roots])
     labelled = []
     for item in items:
         label = printable(item.label or find(item) or "")
-        if not label and item.kind != "broken":
+        if not label and item.kind not in ("broken", "other"):
             raise ConfigError(
                 f"no label for {item.name} by {labels!r}",
                 remedy="examples/<label>/<clip>, a CSV file with path and label, or a regular expression",

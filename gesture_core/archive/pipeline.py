@@ -104,7 +104,7 @@ class _Run:
         readable = [item for item in self.plan.waiting if item.kind in ("video", "keypoints")]
         if not readable:
             return
-        examples = [item for item in self.plan.examples if item.kind != "broken"]
+        examples = [item for item in self.plan.examples if item.kind in ("video", "keypoints")]
         with Extraction(
             self.plan.settings,
             self.plan.identity,
@@ -157,7 +157,7 @@ class _Run:
         """The row that says why an example cannot be used."""
         mark = self.plan.fingerprint
         if outcome is None:
-            return broken_row(item, mark)
+            return (skipped_row if item.kind == "other" else broken_row)(item, mark)
         if outcome.sha256 not in ("", self.plan.hashes[item.key]):
             changed = Outcome(0, code="E_CHANGED", message="has changed since the run began; try: again")
             return failed_row(item, changed, mark)

@@ -98,7 +98,7 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
         )
     examples = _examples(request, readers)
     if examples:
-        _check_neighbors(settings, len(examples))
+        _check_neighbors(settings, sum(item.kind != "other" for item in examples))
     kernel = _kernel(settings) if examples else ""
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     deciding = decider(settings, sandbox) if examples else None
@@ -107,7 +107,10 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
     videos = any(item.kind == "video" for item in (*inputs, *examples))
     identity = pose_identity(settings, with_model=videos)
     stamps = {item.key: _stamp(item) for item in (*inputs, *examples)}
-    hashes = {item.key: _sha256(journal, item, stamps[item.key]) for item in examples}
+    hashes = {
+        item.key: _sha256(journal, item, stamps[item.key]) if item.kind != "other" else ""
+        for item in examples
+    }
     configuration = run_configuration(settings, identity, [(e, hashes[e.key]) for e in examples], kernel)
     changed = _changes(journal, configuration, overwrite=request.overwrite)
     done = {} if changed or request.overwrite else journal.done(retry_errors=request.retry_errors)
@@ -149,19 +152,17 @@ def _kernel(settings: Settings) -> str:
 def _examples(request: RunRequest, readers: Readers) -> list[Input]:
     if not request.examples:
         return []
-    found = [
-        item
-        for item in discover(request.examples, avoid=request.out, readers=readers)
-        if item.kind != "other"
-    ]
-    if not found:
+    found = discover(request.examples, avoid=request.out, readers=readers)
+    if all(item.kind == "other" for item in found):
         raise InputError(
             "holds no example",
             subject=", ".join(request.examples),
             remedy="examples/<label>/<clip>",
             code="E_EMPTY",
         )
-    return label_inputs(found, request.labels, request.examples)
+    labelled = label_inputs(found, request.labels, request.examples)
+    # What nobody reads is a lost example where it has a label; without one it was never meant as any.
+    return [item for item in labelled if item.kind != "other" or item.label]
 
 
 def _check_neighbors(settings: Settings, examples: int) -> None:

@@ -49,6 +49,7 @@ def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, 
     with open_journal(run) as journal:
         row = _row(list(journal.rows()), input, person)
         configuration = json.loads(journal.get("configuration") or "{}")
+        left_out = {failed.input for failed in journal.rows("example")}
     settings = _settings(configuration)
     if not configuration.get("examples"):
         raise RunFolderError(
@@ -58,7 +59,7 @@ def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, 
         raise InputError(
             "has no keypoints", subject=row.input, remedy=f"see its row: {row.code}", code="E_NOT_FOUND"
         )
-    examples = configuration["examples"]
+    examples = {n: known for n, known in configuration["examples"].items() if n not in left_out}
     hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
     people = _keypoints(hashes, settings)
     query = _query(row, people, settings)

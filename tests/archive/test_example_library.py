@@ -1,0 +1,72 @@
+"""What is odd in an example library is said, counted, and never decides quietly."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from distributions import gesture
+from troubles import write_clip
+
+from gesture_core import classify_archive, load_poses
+from gesture_core.archive.run import RunSummary
+from gesture_core.errors import InputError
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """``examples`` of right and left, and one clip of each in ``videos``."""
+    for joint, label in ((4, "right"), (7, "left")):
+        write_clip(tmp_path / "examples" / label / "1.npz", 40, joint)
+        write_clip(tmp_path / "videos" / f"{label}.npz", 30, joint, seed=1)
+    return tmp_path
+
+
+def run(folder: Path, out: str = "run", **options) -> RunSummary:  # type: ignore[no-untyped-def]
+    return classify_archive(
+        folder / "videos", folder / "examples", folder / out, "paper", classify__kernel="numpy", **options
+    )
+
+
+def labels_of(summary: RunSummary) -> dict[str, str | None]:
+    return {Path(row.input).stem: row.label for row in summary.rows()}
+
+
+def test_examples_that_nobody_reads_are_failed_examples(folder: Path) -> None:
+    for name in ("dance/clip.rmvb", "jump/one.json", "right/notes.txt"):
+        (folder / "examples" / name).parent.mkdir(exist_ok=True)
+        (folder / "examples" / name).write_text("{}")
+    (folder / "examples" / "readme.md").touch()  # has no label, so it is no example
+    for _ in range(2):  # the second run has nothing to do and must not forget it
+        summary = run(folder)
+        assert [Path(row.input).name for row in summary.failed_examples] == [
+            "clip.rmvb", "one.json", "notes.txt",
+        ]  # fmt: skip
+        assert {row.code for row in summary.failed_examples} == {"E_NOT_AN_INPUT"}
+        assert summary.lost_classes == ("dance", "jump")
+        assert summary.exit_code == 3
+        assert labels_of(summary) == {"right": "right", "left": "left"}
+    said = gesture("explain", folder / "run", "right.npz")
+    assert said.returncode == 0 and "right (ok)" in said.stdout, said.stderr
+
+
+def test_a_library_that_nobody_reads_is_no_library(folder: Path) -> None:
+    for file in (folder / "examples").glob("*/*.npz"):
+        file.rename(file.with_suffix(".rmvb"))
+    with pytest.raises(InputError, match="holds no example"):
+        run(folder)
+
+
+def test_a_stranger_counts_as_no_neighbour(folder: Path) -> None:
+    (folder / "examples" / "right" / "notes.txt").touch()
+    done = gesture(
+        "classify", folder / "videos", "--examples", folder / "examples", "--out", folder / "run",
+        "--preset", "paper", "--neighbors", "3",
+    )  # fmt: skip
+    assert done.returncode == 2 and "3 neighbours of 2 examples" in done.stderr
+
+
+def test_load_poses_warns_of_what_it_leaves_out(folder: Path) -> None:
+    (folder / "videos" / "clip.rmvb").touch()
+    with pytest.warns(UserWarning, match=r"neither video nor keypoints: .*clip\.rmvb"):
+        assert len(load_poses(folder / "videos", "paper")) == 2
