@@ -9,8 +9,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from gesture_core.archive.assemble import broken_row, failed_row, person_rows, skipped_row
+from gesture_core.archive.contradictions import contradicting_row, contradictions
 from gesture_core.archive.deciding import Arrived, Decided, Deciding, Example
 from gesture_core.archive.discovery import Input
 from gesture_core.archive.extraction import Extraction
@@ -104,7 +106,11 @@ class _Run:
         readable = [item for item in self.plan.waiting if item.kind in ("video", "keypoints")]
         if not readable:
             return
-        examples = [item for item in self.plan.examples if item.kind in ("video", "keypoints")]
+        examples = [
+            item
+            for item in self.plan.examples
+            if item.kind in ("video", "keypoints") and item.key not in self._contradictions
+        ]
         with Extraction(
             self.plan.settings,
             self.plan.identity,
@@ -123,6 +129,10 @@ class _Run:
                     self._decide(arrived)
                     arrived, last = [], time.monotonic()
             self._decide(arrived)
+
+    @cached_property
+    def _contradictions(self) -> dict[bytes, Input]:
+        return contradictions(self.plan.examples, self.plan.hashes)
 
     def _extract(self, extraction: Extraction, items: Sequence[Input]) -> Iterator[tuple[Input, Outcome]]:
         for outcome in extraction(items):
@@ -156,6 +166,8 @@ class _Run:
     def _example(self, deciding: Deciding, item: Input, outcome: Outcome | None) -> Row | None:
         """The row that says why an example cannot be used."""
         mark = self.plan.fingerprint
+        if other := self._contradictions.get(item.key):
+            return contradicting_row(item, other, self.plan.hashes[item.key], mark)
         if outcome is None:
             return (skipped_row if item.kind == "other" else broken_row)(item, mark)
         if outcome.sha256 not in ("", self.plan.hashes[item.key]):

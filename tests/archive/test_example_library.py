@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from distributions import gesture
 from troubles import write_clip
@@ -70,3 +72,35 @@ def test_load_poses_warns_of_what_it_leaves_out(folder: Path) -> None:
     (folder / "videos" / "clip.rmvb").touch()
     with pytest.warns(UserWarning, match=r"neither video nor keypoints: .*clip\.rmvb"):
         assert len(load_poses(folder / "videos", "paper")) == 2
+
+
+def test_one_clip_under_two_labels_decides_nothing(folder: Path) -> None:
+    write_clip(folder / "examples" / "left" / "2.npz", 36, 7, seed=2)
+    twin = folder / "examples" / "right" / "twin.npz"
+    shutil.copy(folder / "examples" / "left" / "1.npz", twin)
+    shutil.copy(twin, twin.with_name("twice.npz"))
+    for _ in range(2):
+        summary = run(folder)
+        assert [Path(row.input).name for row in summary.failed_examples] == ["1.npz", "twice.npz", "twin.npz"]
+        assert {row.code for row in summary.failed_examples} == {"E_CONTRADICTION"}
+        assert "is called left, and " in summary.failed_examples[0].message
+        assert summary.lost_classes == () and summary.exit_code == 3
+        assert labels_of(summary) == {"right": "right", "left": "left"}
+    twin.unlink()
+    twin.with_name("twice.npz").rename(folder / "examples" / "left" / "twice.npz")
+    assert run(folder, "other").exit_code == 0, "two copies under one label agree"
+
+
+def test_sequences_of_one_file_are_told_apart_by_their_names(folder: Path) -> None:
+    rng = np.random.default_rng(0)
+    walks = {f"{name}_1": np.cumsum(rng.normal(0, 5, (30, 18, 2)), 0) + 300 for name in ("up", "down")}
+    np.savez(folder / "examples.npz", **walks)
+    shutil.copy(folder / "examples.npz", folder / "copy.npz")
+    summary = classify_archive(
+        folder / "videos",
+        [folder / "examples.npz", folder / "copy.npz"],
+        folder / "run",
+        "paper",
+        labels="^(?P<label>[a-z]+)_",
+    )
+    assert summary.failed_examples == ()
