@@ -10,7 +10,7 @@ import numpy as np
 
 from gesture_core.dtw.bands import check_feasible
 from gesture_core.dtw.lanes import used_dimensions, weighted
-from gesture_core.dtw.spec import DtwSpec
+from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError, InputError, PluginError
 from gesture_core.plugin import registry
 from gesture_core.types import SignalBatch, Signals
@@ -60,7 +60,7 @@ def warping_distances(
     WarpingError
         Where the band leaves a pair without a path; it names the pair.
     """
-    spec = DtwSpec() if spec is None else spec
+    spec = as_spec(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
     name, chosen = choose_kernel(kernel, spec, options)
     values = np.asarray(chosen.distances(chosen.prepare(example_batch, spec), query_batch))

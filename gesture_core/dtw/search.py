@@ -13,7 +13,7 @@ from gesture_core.dtw.bounds import keogh, lower_bounds
 from gesture_core.dtw.distances import choose_kernel, make_batches
 from gesture_core.dtw.lanes import used_dimensions
 from gesture_core.dtw.pairs import distances_within, subset
-from gesture_core.dtw.spec import DtwSpec
+from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError
 from gesture_core.plugin.kinds import DistanceKernel
 from gesture_core.types import Neighbors, SignalBatch, Signals
@@ -77,7 +77,7 @@ def search(
     ConfigError
         Where ``k`` is not between 1 and the number of examples.
     """
-    spec = DtwSpec() if spec is None else spec
+    spec = as_spec(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
     if not 1 <= k <= len(example_batch):
         raise ConfigError(f"k = {k} of {len(example_batch)} examples", code="E_OPTION")

@@ -10,7 +10,7 @@ import numpy as np
 
 from gesture_core.dtw.distances import check_distances, choose_kernel, make_batches
 from gesture_core.dtw.pairs import pair_distances
-from gesture_core.dtw.spec import DtwSpec
+from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError
 from gesture_core.types import SignalBatch, Signals
 
@@ -100,7 +100,7 @@ def soft_divergence(
 
 
 def _need_gamma(spec: DtwSpec) -> None:
-    if spec.gamma is None:
+    if as_spec(spec).gamma is None:
         raise ConfigError("soft-DTW without dtw.gamma", remedy="gamma = 1.0", code="E_OPTION")
 
 
