@@ -14,6 +14,7 @@ from conftest import ROOT
 from gesture_core.archive.rows import COLUMNS
 from gesture_core.cli.main import _COMMANDS, app, run
 from gesture_core.demo.archive import DemoArchive
+from gesture_core.demo.motions import GESTURES
 from gesture_core.plugin.kinds import KINDS
 from gesture_core.settings import LimitSettings, load_settings
 from gesture_core.types import Status
@@ -84,6 +85,12 @@ def test_the_python_runs(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         exec(compile(text.replace('"run/"', '"run-python/"'), "README.md", "exec"), names)
         if "labels" in names:
             assert names["labels"] == ["wave", "wave", "clap", "clap"]
+
+
+def test_the_expression_for_labels_finds_the_gestures_of_the_demonstration() -> None:
+    (expression,) = re.findall(r"--labels '([^']+)'", TEXT)
+    for label in GESTURES:
+        assert re.search(expression, f"{label}_1.avi")["label"] == label  # type: ignore[index]
 
 
 def test_the_preset_loads(tmp_path: Path) -> None:

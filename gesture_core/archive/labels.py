@@ -63,7 +63,7 @@ def label_inputs(items: Sequence[Input], labels: str, roots: Sequence[str | os.P
     labels : str
         ``folder``: the first folder below its root. A path to a ``.csv`` file with the columns
         ``path`` and ``label``. Otherwise a regular expression whose group ``label``, or first
-        group, is searched in the name.
+        group, is found by `search_name`.
     roots : sequence of path
         The sources that the inputs were found in.
 
@@ -80,11 +80,31 @@ def label_inputs(items: Sequence[Input], labels: str, roots: Sequence[str | os.P
         if not label and item.kind not in ("broken", "other"):
             raise ConfigError(
                 f"no label for {item.name} by {labels!r}",
-                remedy="examples/<label>/<clip>, a CSV file with path and label, or a regular expression",
+                remedy=_remedy(item, labels),
                 code="E_LABELS",
             )
         labelled.append(replace(item, label=label or None))
     return labelled
+
+
+def search_name(pattern: re.Pattern[str], item: Input) -> re.Match[str] | None:
+    """Where ``pattern`` is found: in the name of the file, or of the sequence in a file of several.
+
+    The folders above are searched only by an expression with a ``/`` (or, for the file of a
+    sequence, ``::``): what misses the name must not be answered by whatever the path happens to hold.
+    """
+    if "/" in pattern.pattern or "::" in pattern.pattern:
+        return pattern.search(item.name.replace(os.sep, "/"))
+    return pattern.search(item.member or item.path.name)
+
+
+def _remedy(item: Input, labels: str) -> str:
+    if labels == "folder" and item.kind == "keypoints" and item.path.is_dir():
+        return f"a folder for each clip, such as {item.name}/1/*_keypoints.json"
+    return (
+        "examples/<label>/<clip>, a CSV file with path and label, or a regular expression "
+        "(one with a / is searched in the whole path)"
+    )
 
 
 def _labeller(labels: str, roots: Sequence[Path]) -> Callable[[Input], str | None]:
@@ -104,7 +124,7 @@ def _labeller(labels: str, roots: Sequence[Path]) -> Callable[[Input], str | Non
         raise ConfigError(f"labels {labels!r} has no group", remedy="(?P<label>…)", code="E_LABELS")
 
     def search(item: Input) -> str | None:
-        match = pattern.search(item.member or item.path.name) or pattern.search(item.name)
+        match = search_name(pattern, item)
         return match.groupdict().get("label") or match.group(1) if match else None
 
     return search

@@ -47,7 +47,7 @@ def evaluate(
     protocol
         leave-one-subject-out, leave-one-out, donor (one subject gives one example a class), or split.
     train
-        With --protocol split: a regular expression that finds the examples.
+        With --protocol split: a regular expression that finds the examples by their names.
     grid
         A setting with the values to try, such as t_var=0.05,0.10; may be repeated.
     """
@@ -129,6 +129,8 @@ def _labelled(sources: Sequence[str], labels: str, out: Path | None) -> list[Inp
 
 def _examples(items: Sequence[Input], train: str, protocol: str) -> list[bool] | None:
     """Which inputs are the examples of a split."""
+    from gesture_core.archive.labels import search_name
+
     if not train:
         return None
     if protocol != "split":
@@ -136,7 +138,7 @@ def _examples(items: Sequence[Input], train: str, protocol: str) -> list[bool] |
             f"--train {train!r} is for a split only", remedy="--protocol split", code="E_OPTION"
         )
     try:
-        return [bool(re.search(train, item.name)) for item in items]
+        return [search_name(re.compile(train), item) is not None for item in items]
     except re.error as error:
         raise ConfigError(f"--train {train!r} is no regular expression: {error}", code="E_OPTION") from None
 
@@ -195,16 +197,19 @@ def _load(
 
 def _subject(item: Input, pattern: str, *, explicit: bool) -> str:
     """Who performs ``item``; empty where nobody said how to tell."""
+    from gesture_core.archive.labels import search_name
+
     if not explicit and "(?P<subject>" not in pattern:
         return ""
     try:
-        match = re.search(pattern, item.member or item.path.name) or re.search(pattern, item.name)
+        match = search_name(re.compile(pattern), item)
     except re.error as error:
         raise ConfigError(f"--subjects {pattern!r} is no regular expression: {error}") from None
     if match is None or not match.re.groups:
         raise ConfigError(
             f"no subject for {item.name} by {pattern!r}",
-            remedy="--subjects with a group, such as '_s(?P<subject>[0-9]+)_'",
+            remedy="--subjects with a group, such as '_s(?P<subject>[0-9]+)_' "
+            "(one with a / is searched in the whole path)",
             code="E_SUBJECTS",
         )
     return match.groupdict().get("subject") or match.group(1)

@@ -6,6 +6,7 @@ import os
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gesture_core.archive.discovery import discover
@@ -115,3 +116,34 @@ def test_keypoint_files_and_folders_are_inputs(drawn: DemoArchive, tmp_path: Pat
     assert {item.kind for item in items} == {"video", "keypoints"}
     assert len(items) == 13
     assert {item.reader for item in items} == {"", "openpose-json"}
+
+
+def test_an_expression_is_searched_in_the_name_and_in_the_path_only_if_it_says_so(tmp_path: Path) -> None:
+    (tmp_path / "lab" / "run_1" / "x").mkdir(parents=True)
+    for name in ("Clip.avi", "raise-arms_1.avi"):
+        (tmp_path / "lab" / "run_1" / "x" / name).touch()
+    items = discover([tmp_path / "lab"])
+    with pytest.raises(ConfigError, match=r"no label for .*Clip\.avi.*searched in the whole path"):
+        label_inputs(items, r"(?P<label>[a-z]+)_[0-9]", [tmp_path])
+    assert [i.label for i in label_inputs(items[1:], r"^(?P<label>[a-z-]+)_[0-9]", [tmp_path])] == [
+        "raise-arms"
+    ]
+    assert [i.label for i in label_inputs(items, r"lab/(?P<label>[a-z]+)_", [tmp_path])] == ["run", "run"]
+
+
+def test_an_expression_is_searched_in_the_name_of_a_sequence(tmp_path: Path) -> None:
+    points = np.ones((9, 18, 2))
+    np.savez(tmp_path / "set_1.npz", **{"wave_1": points, "Clip": points})
+    items = discover([tmp_path])
+    assert [i.label for i in label_inputs(items[:1], "([a-z]+)_", [tmp_path])] == ["wave"]
+    with pytest.raises(ConfigError, match="Clip"):
+        label_inputs(items, "([a-z]+)_", [tmp_path])
+    assert [i.label for i in label_inputs(items, "([a-z]+)_1.npz::", [tmp_path])] == ["set", "set"]
+
+
+def test_frames_right_in_the_folder_of_a_label_are_told_where_they_belong(
+    drawn: DemoArchive, tmp_path: Path
+) -> None:
+    shutil.copytree(drawn.example_keypoints / "wave" / "1", tmp_path / "wave")
+    with pytest.raises(ConfigError, match=r"a folder for each clip, such as .*/wave/1/\*_keypoints\.json"):
+        label_inputs(discover([tmp_path]), "folder", [tmp_path])
