@@ -149,12 +149,16 @@ class Extractor:
         }
 
     def _keypoints(self, task: Task) -> tuple[list[PoseSequence], dict[str, Any]]:
+        settings, known = self._job.settings, {}
+        sequences: list[PoseSequence]
         if task.reader == "store":
             stored = read_keypoints(task.path)
-            return stored.sequences, dict(stored.facts)
-        settings = self._job.settings
-        reader = registry().make("reader", task.reader, _reader_options(settings, task.reader))
-        sequences: list[PoseSequence] = reader.read(task.path, task.member)
+            sequences, known = stored.sequences, dict(stored.facts)
+        else:
+            reader = registry().make("reader", task.reader, _reader_options(settings, task.reader))
+            sequences = reader.read(task.path, task.member)
+        if settings.pose.score is not None:
+            sequences = [_above(sequence, settings.pose.score) for sequence in sequences]
         if settings.pose.people == "single" and len(sequences) > 1:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
             sequences = [replace(best, person=0)]
@@ -169,13 +173,14 @@ class Extractor:
                 code="E_KEYPOINTS_LIMIT",
             )
         seconds = max((float(s.times[-1] - s.times[0]) for s in sequences if len(s)), default=0.0)
-        return [s for s in sequences if s.frames_with_pose], {
+        facts: dict[str, Any] = {
             "frames_declared": None,
             "frames_read": frames,
             "complete": True,
             "notes": [],
             "seconds": seconds,
         }
+        return [s for s in sequences if s.frames_with_pose], facts | known
 
     @cached_property
     def _backend(self) -> PoseBackend:
@@ -202,6 +207,14 @@ def _reader_options(settings: Settings, name: str) -> dict[str, Any]:
     taken = signature(registry().load("reader", name)).parameters
     shared = {"fps": settings.pose.fps, "people": settings.pose.people}
     return {key: value for key, value in shared.items() if key in taken} | settings.plugin_options(name)
+
+
+def _above(sequence: PoseSequence, score: float) -> PoseSequence:
+    """``sequence`` without the joints whose score is below ``score``."""
+    import numpy as np
+
+    unsure = sequence.scores < score
+    return replace(sequence, keypoints=np.where(unsure[..., None], np.nan, sequence.keypoints))
 
 
 def message_without_subject(error: GestureError) -> str:

@@ -33,7 +33,8 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
 
     plugins = registry()
     pose = settings.as_dict()["pose"]
-    shared = {name: pose.pop(name) for name in ("fps", "people")}
+    shared = {name: pose[name] for name in ("fps", "people", "score")}
+    del pose["fps"]
     try:
         found = find_model(settings.pose.model)
         model = {"sha256": found.sha256, "contract": found.contract.as_table() if found.contract else None}
@@ -44,7 +45,7 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
     video = {
         "package": gesture_core.__version__,
         "extraction": REVISION,
-        "settings": {**pose, "people": shared["people"]},
+        "settings": pose,
         "backend": str(plugins.find("pose", settings.pose.backend).origin),
         "options": settings.plugin_options(settings.pose.backend),
         "reader": reader_name(settings.pose.reader),

@@ -38,7 +38,8 @@ class PoseSettings:
     follow : bool or None
         Crop to the person and follow them; None lets the model decide.
     score : None or float
-        Joints below this confidence are missing; None leaves it to the model.
+        Joints below this confidence are missing, of networks and of keypoint files that have
+        scores; None leaves it to the network, and takes every joint of a keypoint file.
     reader : str
         Video reader: ``auto``, ``pyav`` or ``opencv``.
     fps : float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
@@ -45,7 +45,7 @@ class CsvReader:
     fps : float
         Frames a second where the table holds no times.
     people : "single" or "multi"
-        Of a table with the column ``person``: the person that is seen most, or everybody.
+        Of a table with the column ``person``: the person whose scores sum to the most, or everybody.
     """
 
     fps: float = 30.0
@@ -115,7 +115,7 @@ class CsvReader:
         found = [columns.sequence(group, units, source, index) for index, group in enumerate(groups)]
         if self.people == "multi":
             return found
-        return [max(found, key=lambda one: int(one.seen.sum()))]
+        return [replace(max(found, key=lambda one: float(one.scores.sum())), person=0)]
 
 
 @dataclass(frozen=True)
