@@ -17,6 +17,8 @@ import numpy as np
 from datasets import ROOT, Item, arguments, utd_openpose
 
 from gesture_core.classify.comparison import compare
+from gesture_core.classify.neighbors import votes_of
+from gesture_core.classify.weighing import Weighing, weighing_of
 from gesture_core.errors import GestureError
 from gesture_core.report.plots import BLUE, GREEN, GREY, ORANGE, new_figure, save
 from gesture_core.settings import Settings, load_settings
@@ -130,8 +132,14 @@ def accuracies(items: Sequence[Item], settings: Settings) -> dict[str, list[floa
     """Accuracy at each strength of each damage."""
     chain = replace(Chain.from_settings(settings), allow_still=True)
     examples = chain.all(item.pose for item in items)
-    labels = np.array([item.label for item in items])
+    codes = np.unique([item.label for item in items], return_inverse=True)[1]
     subjects = np.array([item.subject for item in items])
+    within = compare(examples, examples, settings)
+    said = {}
+    for who in np.unique(subjects):
+        others = np.flatnonzero(subjects != who)
+        among = within[np.ix_(others, others)]
+        said[str(who)] = weighing_of(among, codes[others], int(codes.max()) + 1, settings.classify)
     out: dict[str, list[float]] = {}
     for stress in STRESSES:
         for strength in stress.strengths:
@@ -147,10 +155,32 @@ def accuracies(items: Sequence[Item], settings: Settings) -> dict[str, list[floa
             right = 0
             if queries:
                 distances = compare(queries, examples, settings)
-                distances[subjects[places][:, None] == subjects[None]] = np.inf
-                right = int((labels[distances.argmin(axis=1)] == labels[places]).sum())
+                right = recognised(distances, np.array(places), codes, subjects, settings, said)
             out.setdefault(stress.name, []).append(right / len(items))
     return out
+
+
+def recognised(
+    distances: np.ndarray,
+    places: np.ndarray,
+    codes: np.ndarray,
+    subjects: np.ndarray,
+    settings: Settings,
+    said: dict[str, Weighing | None],
+) -> int:
+    """How many queries are recognised by the examples of the other subjects.
+
+    ``distances`` is (Q, N), ``places`` says which of the N items each query is, ``said`` what the
+    examples of all others say for each subject.
+    """
+    right = 0
+    for who, weighing in said.items():
+        others = np.flatnonzero(subjects != who)
+        own = np.flatnonzero(subjects[places] == who)
+        block = distances[np.ix_(own, others)]
+        votes = votes_of(block, codes[others], int(codes.max()) + 1, settings.classify.neighbors, weighing)
+        right += int((votes.winners == codes[places[own]]).sum())
+    return right
 
 
 def draw(found: dict[str, dict[str, list[float]]], path: Path) -> None:

@@ -13,7 +13,7 @@ from gesture_core.classify.library import medoids
 from gesture_core.classify.neighbors import Votes, votes_of
 from gesture_core.classify.protocols import folds
 from gesture_core.classify.rejection import calibrated_thresholds, refusals
-from gesture_core.classify.weighing import learn_weights
+from gesture_core.classify.weighing import weighing_of
 from gesture_core.errors import GestureError, InputError
 from gesture_core.settings import Settings
 from gesture_core.signals.chain import Chain
@@ -125,12 +125,19 @@ class Evaluation:
 
     def rejection_curve(self) -> list[tuple[float, float, float]]:
         """(threshold, coverage, accuracy of what is left), from the loosest to the strictest."""
-        distances = np.array([a.distance for a in self.answers])
+        return self._curve(np.array([a.distance for a in self.answers]), 1.0)
+
+    def margin_curve(self) -> list[tuple[float, float, float]]:
+        """(smallest margin, coverage, accuracy of what is left), from the loosest to the strictest."""
+        return self._curve(np.array([a.margin for a in self.answers]), -1.0)
+
+    def _curve(self, values: np.ndarray, sign: float) -> list[tuple[float, float, float]]:
+        """What is left where ``sign * value`` is at most ``sign * limit``, for every value as the limit."""
         right = np.array([a.right for a in self.answers])
         curve = []
-        for threshold in sorted({float(d) for d in distances if np.isfinite(d)}, reverse=True):
-            kept = distances <= threshold
-            curve.append((threshold, float(kept.mean()), float(right[kept].mean())))
+        for limit in sorted({float(v) for v in values if np.isfinite(v)}, key=lambda v: -sign * v):
+            kept = sign * values <= sign * limit
+            curve.append((limit, float(kept.mean()), float(right[kept].mean())))
         return curve
 
 
@@ -240,10 +247,7 @@ def fold_votes(
         Of the tested sequences, classes numbered as in ``codes``.
     """
     chosen, classes = settings.classify, int(codes.max()) + 1
-    weighing = None
-    if chosen.neighbors == 0:
-        among = within[np.ix_(examples, examples)]
-        weighing = learn_weights(among, codes[examples], classes, chosen.sharpness, chosen.shrinkage)
+    weighing = weighing_of(within[np.ix_(examples, examples)], codes[examples], classes, chosen)
     block = within[np.ix_(tested, examples)]
     return votes_of(block, codes[examples], classes, min(chosen.neighbors, len(examples)), weighing)
 

@@ -13,8 +13,12 @@ a class, where it decides nearly as the nearest example does.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from gesture_core.settings import ClassifySettings
 
 # Scores are sums in an order that a library's blocking may change; what is shown is rounded to hide it,
 # and classes whose scores differ by less are equal.
@@ -119,6 +123,15 @@ def learn_weights(
     normal = similarity.T @ similarity + shrinkage * np.eye(len(codes))
     weights = np.linalg.solve(normal, similarity.T @ targets)
     return Weighing(np.sqrt(scales * usual), weights, sharpness)
+
+
+def weighing_of(
+    within: np.ndarray, codes: np.ndarray, classes: int, chosen: ClassifySettings
+) -> Weighing | None:
+    """What the settings let the examples say: None unless all of them decide."""
+    if chosen.neighbors != 0:
+        return None
+    return learn_weights(within, codes, classes, chosen.sharpness, chosen.shrinkage)
 
 
 def leading(

@@ -51,11 +51,11 @@ def print_classes(evaluation: Evaluation) -> None:
     folds = evaluation.by_fold
     if 1 < len(folds) <= min(40, len(evaluation.answers) - 1):  # a fold of one answer says nothing
         print_table(["fold", "accuracy"], [[n, f"{a:.1%}"] for n, a in folds.items()], right=["accuracy"])
-    curve = thinned(evaluation.rejection_curve(), 8)
-    cells = [[f"{t:.4g}", f"{c:.1%}", f"{a:.1%}"] for t, c, a in curve]
-    print_table(
-        ["reject above", "coverage", "accuracy"], cells, right=["reject above", "coverage", "accuracy"]
-    )
+    curves = {"reject above": evaluation.rejection_curve(), "margin from": evaluation.margin_curve()}
+    for title, curve in curves.items():
+        columns = [title, "coverage", "accuracy"]
+        cells = [[f"{t:.4g}", f"{c:.1%}", f"{a:.1%}"] for t, c, a in thinned(curve, 8)]
+        print_table(columns, cells, right=columns)
 
 
 def changes_of(changes: Mapping[str, Any]) -> str:

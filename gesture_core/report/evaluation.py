@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gesture_core.classify.evaluation import Answer, Evaluation
-from gesture_core.report.plots import BLUE, new_figure, save
+from gesture_core.report.plots import BLUE, ORANGE, new_figure, save
 
 
 def confusion_plot(evaluation: Evaluation, path: Path) -> Path:
@@ -42,12 +42,15 @@ def confusion_plot(evaluation: Evaluation, path: Path) -> Path:
 
 
 def rejection_plot(evaluation: Evaluation, path: Path) -> Path:
-    """Accuracy of the accepted answers over the share that is accepted."""
-    curve = evaluation.rejection_curve()
+    """Accuracy of the accepted answers over the share that is accepted, by distance and by margin."""
     figure = new_figure(5.2, 3.6)
     axes = figure.add_subplot()
-    axes.plot([100 * c for _, c, _ in curve], [100 * a for _, _, a in curve], color=BLUE, linewidth=1.8)
-    axes.set_xlabel("coverage: answers below the distance threshold, %")
+    by_margin, by_distance = evaluation.margin_curve(), evaluation.rejection_curve()
+    for curve, colour, name in ((by_margin, BLUE, "by margin"), (by_distance, ORANGE, "by distance")):
+        shares = [100 * c for _, c, _ in curve], [100 * a for _, _, a in curve]
+        axes.plot(*shares, color=colour, linewidth=1.8, label=name)
+    axes.legend(fontsize=8)
+    axes.set_xlabel("coverage: answers that keep their label, %")
     axes.set_ylabel("accuracy of these, %")
     axes.set_xlim(0, 101)
     axes.set_ylim(top=101)
@@ -76,6 +79,9 @@ def summary(evaluation: Evaluation, fingerprint: str) -> dict[str, Any]:
         "coverage_at_distance": [
             {"threshold": t, "coverage": c, "accuracy": a}
             for t, c, a in thinned(evaluation.rejection_curve())
+        ],
+        "coverage_at_margin": [
+            {"margin": m, "coverage": c, "accuracy": a} for m, c, a in thinned(evaluation.margin_curve())
         ],
         "not_recognised": [a.name for a in evaluation.answers if a.predicted is None],
     }

@@ -132,6 +132,10 @@ def test_rejection_trades_coverage_for_accuracy() -> None:
     coverages = [coverage for _, coverage, _ in curve]
     assert coverages == sorted(coverages, reverse=True)
     assert coverages[0] == 1.0
+    by_margin = found.margin_curve()
+    assert [m for m, _, _ in by_margin] == sorted({a.margin for a in found.answers})
+    assert (by_margin[0][1], by_margin[0][2]) == (1.0, found.accuracy)
+    assert by_margin[-1][1] == pytest.approx(1 / 12)
     strict = PAPER.with_values([("classify.reject", 1e-9)])
     none = evaluate(archive(), "leave-one-subject-out", strict)
     assert none.accuracy == 0
