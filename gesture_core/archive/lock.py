@@ -41,6 +41,13 @@ def run_lock(folder: Path) -> Iterator[None]:
         raise RunFolderError(
             f"cannot be locked: {error}", subject=str(folder), remedy="--out on another file system"
         ) from error
+    except PermissionError as error:
+        raise RunFolderError(
+            f"cannot be written: {error.strerror}",
+            subject=str(folder),
+            remedy="its permissions, or another --out",
+            code="E_RUN_WRITE",
+        ) from error
     except Timeout:
         raise RunLockedError(
             "another run holds this folder", subject=str(folder), remedy="wait for it, or another --out"

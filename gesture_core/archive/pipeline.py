@@ -17,9 +17,9 @@ from gesture_core.archive.deciding import Arrived, Decided, Deciding, Example
 from gesture_core.archive.discovery import Input
 from gesture_core.archive.extraction import Extraction
 from gesture_core.archive.extractor import STORE_FAILED
+from gesture_core.archive.folder import run_folder
 from gesture_core.archive.journal import Committed, Journal
 from gesture_core.archive.keypoint_files import publish
-from gesture_core.archive.lock import run_lock
 from gesture_core.archive.plan import Plan, make_plan
 from gesture_core.archive.pruning import prune
 from gesture_core.archive.rows import Row
@@ -46,12 +46,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     """
     started = time.monotonic()
     listener = listener or Listener()
-    try:
-        request.out.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise ConfigError(f"--out {request.out} is a file", remedy="a folder", code="E_OUT") from None
     with (
-        run_lock(request.out),
+        run_folder(request.out),
         Journal(request.out, create=True) as journal,
         journal.failures(),
         Sandbox(request.settings.limits) as sandbox,
