@@ -56,7 +56,12 @@ def load_poses(
     found = discover(as_strings(sources))
     items = [item for item in found if item.kind != "other"]
     if not items:
-        raise InputError("no video or keypoint file", subject=str(sources), code="E_EMPTY")
+        raise InputError(
+            "holds no video or keypoint file",
+            subject=", ".join(as_strings(sources)),
+            remedy="another path",
+            code="E_EMPTY",
+        )
     if strangers := [item.name for item in found if item.kind == "other"]:
         shown = ", ".join(strangers[:5]) + (", …" if strangers[5:] else "")
         warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)

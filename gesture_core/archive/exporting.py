@@ -32,6 +32,8 @@ def export_rows(run: Path, format: str, path: Path | None, limits: LimitSettings
         parties run under ``limits`` in a process of their own.
     """
     entry = registry().find("writer", format)
+    with open_journal(run):
+        pass  # where there is no run, no folder is made for it either
     with Sandbox(limits) as sandbox:
         foreign = None if entry.origin.built_in else sandbox
         try:
@@ -77,7 +79,7 @@ def write_rows(run: Path, format: str, path: Path, alive: Callable[[], None] = l
             raise PluginError(
                 f"{entry.title} of {entry.origin}: out of memory",
                 kept="every row of the run",
-                remedy="--set limits.memory=… with a larger figure",
+                remedy="GESTURE_SET_LIMITS__MEMORY=… with a larger figure in the environment",
                 code=MEMORY,
             ) from error
         except (Exception, SystemExit) as error:

@@ -10,10 +10,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, validators
 
 from gesture_core.cli.flags import KernelFlags
 from gesture_core.cli.screen import print_table
+from gesture_core.cli.targets import check_file
 from gesture_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,22 +47,25 @@ class Timing:
 def bench(
     *sources: str,
     flags: KernelFlags | None = None,
-    series: int = 100,
+    series: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 100,
     out: Annotated[Path | None, Parameter(help="Also write the table to this file, as JSON.")] = None,
 ) -> int:
     """Time every installed distance kernel on this machine, or the one that --kernel names.
 
+    Drawn series have 40 to 90 frames and 36 channels.
+
     Parameters
     ----------
     sources
-        Videos or keypoint files to take the series from; without any, drawn series of 40 to 90
-        frames and 36 channels.
+        Videos or keypoint files to take the series from; drawn ones by default.
     series
         How many of the series are compared with each other.
     """
     from gesture_core.dtw.distances import choose_kernel
     from gesture_core.plugin import registry
 
+    if out is not None:
+        check_file(out)
     settings = (flags or KernelFlags()).settings()
     signals = (_own(sources, settings) if sources else _drawn(series))[:series]
     if not signals:
@@ -88,7 +92,7 @@ def bench(
     width = signals[0].values.shape[1]
     print(f"{len(signals)} series, {frames:.0f} frames on average, {width} channels")
     print_table(columns, rows, right=columns[2:])
-    print(f"dtw.kernel = auto takes {auto!r}")
+    print(f"classify.kernel = auto takes {auto!r}")
     if out is not None:
         record = {
             "machine": platform.processor() or platform.machine(),

@@ -7,16 +7,19 @@ import shlex
 import sys
 import tempfile
 from pathlib import Path
+from typing import Annotated
 
 from gesture_core.archive.run import RunRequest
 from gesture_core.cli.classify import say_summary
-from gesture_core.cli.flags import Flags
+from gesture_core.cli.flags import UNSAID, Flags
 from gesture_core.cli.progress import progress
 from gesture_core.cli.screen import result_table
 from gesture_core.errors import ModelError
 
 
-def demo(*, out: Path | None = None, keypoints: bool = False, flags: Flags | None = None) -> int:
+def demo(
+    *, out: Path | None = None, keypoints: Annotated[bool, UNSAID] = False, flags: Flags | None = None
+) -> int:
     """Run the main job on an archive that the package draws itself.
 
     Draws short clips of people who perform six gestures, classifies them by two examples of each,

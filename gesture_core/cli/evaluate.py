@@ -13,6 +13,7 @@ from cyclopts import Parameter
 from gesture_core.cli import scores
 from gesture_core.cli.flags import Flags, Workers
 from gesture_core.cli.screen import counted
+from gesture_core.cli.targets import check_folder
 from gesture_core.errors import ConfigError, GestureError, InputError
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ def evaluate(
     from gesture_core.classify.comparison import check_settings
     from gesture_core.classify.evaluation import answer, choose_nested, compare_all
 
+    if out is not None:
+        check_folder(out)
     settings = (flags or Flags()).settings()
     points = _grid(grid)
     candidates = [settings.with_values(point.items(), "--grid") for point in points]
@@ -116,7 +119,12 @@ def _labelled(sources: Sequence[str], labels: str, out: Path | None) -> list[Inp
     every = discover(sources, avoid=out)
     found = [item for item in every if item.kind != "other"]
     if not found:
-        raise InputError("no video or keypoint file", subject=", ".join(sources), code="E_EMPTY")
+        raise InputError(
+            "holds no video or keypoint file",
+            subject=", ".join(sources),
+            remedy="another path",
+            code="E_EMPTY",
+        )
     if len(found) < len(every):
         left = counted(len(every) - len(found), "file")
         print(f"left out as neither video nor keypoints: {left}", file=sys.stderr)

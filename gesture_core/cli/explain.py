@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.cli.screen import counted, print_table, visible
+from gesture_core.cli.targets import check_file
 from gesture_core.errors import GestureError, InputError, RunFolderError
 
 # Examples that are listed with what they say.
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from gesture_core.types import PoseSequence, Signals
 
 
-def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, channels: int = 4) -> int:
+def explain(run: Path, input: str, /, *, person: int = 0, out: Path | None = None, channels: int = 4) -> int:
     """Show why an input of a run got its label: channels, their costs, both warpings.
 
     Parameters
@@ -32,7 +33,7 @@ def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, 
     run
         The run folder.
     input
-        The input as the result names it, or the end of its name.
+        The input as the result names it, or a part of its name that no other one has.
     person
         Which person of the input.
     out
@@ -51,9 +52,15 @@ def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, 
         configuration = json.loads(journal.get("configuration") or "{}")
         left_out = {failed.input for failed in journal.rows("example")}
     settings = _settings(configuration)
+    safe = re.sub(r"[^\w.-]+", "_", Path(row.input).name)
+    target = out or run / f"explain-{safe}.png"
+    check_file(target, (".png",))
     if not configuration.get("examples"):
         raise RunFolderError(
-            "holds keypoints only, nothing was classified", subject=str(run), code="E_NO_RUN"
+            "holds keypoints only, nothing was classified",
+            subject=str(run),
+            remedy="a folder that gesture classify wrote",
+            code="E_NO_RUN",
         )
     if not row.frames_with_pose:
         raise InputError(
@@ -67,8 +74,6 @@ def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, 
     distances = classifier.distances([query])[0]
     found = explain_row(query, classifier.library_, distances, settings, classifier.weighing_)
     title = f"{Path(row.input).name}: {row.label or row.status}"
-    safe = re.sub(r"[^\w.-]+", "_", Path(row.input).name)
-    target = out or run / f"explain-{safe}.png"
     explanation_plot(found, title, target, max(1, channels))
     _print(row, found, max(1, channels))
     print(target, file=sys.stderr)
@@ -76,20 +81,27 @@ def explain(run: Path, input: str, *, person: int = 0, out: Path | None = None, 
 
 
 def _row(rows: list[Row], name: str, person: int) -> Row:
-    """The row of the input called ``name``, or whose name ends so."""
+    """The row of the input called ``name``, or the only one whose name ends so, or holds it."""
     names = dict.fromkeys(row.input for row in rows)
-    found = [n for n in names if n == name] or [n for n in names if n.endswith(name)]
+    found = (
+        [n for n in names if n == name]
+        or [n for n in names if n.endswith(name)]
+        or [n for n in names if name in n]
+    )
     if len(found) != 1:
         some = ", ".join((found or list(names))[:5])
         raise InputError(
-            f"the names of {counted(len(found), 'input')} of the run end in {name!r}",
+            f"{name!r} could be any of {len(found)} inputs" if found else f"no input of the run is {name!r}",
             remedy=f"one of {some}{' …' if len(found or names) > 5 else ''}",
             code="E_NOT_FOUND",
         )
     for row in rows:
         if row.input == found[0] and row.person == person:
             return row
-    raise InputError(f"{found[0]} has no person {person}", code="E_NOT_FOUND")
+    known = ", ".join(str(row.person) for row in rows if row.input == found[0])
+    raise InputError(
+        f"has no person {person}", subject=found[0], remedy=f"one of {known}", code="E_NOT_FOUND"
+    )
 
 
 def _settings(configuration: dict[str, Any]) -> Settings:

@@ -71,6 +71,10 @@ class Flags(KernelFlags):
         }
 
 
+UNSAID = Parameter(show_default=False)
+"""For flags whose default is nothing: an empty text, no values, off."""
+
+
 def _switch(text: str) -> Parameter:
     """A flag without a value, that is off by default."""
     return Parameter(help=text, show_default=False)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import signal
 import sys
 from collections.abc import Sequence
 from types import FrameType
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 
 from gesture_core import __version__
 from gesture_core.errors import ConfigError, GestureError, InputError, ModelError, PluginError
@@ -31,6 +32,8 @@ app = App(
     default_parameter=Parameter(negative=()),
     suppress_keyboard_interrupt=False,
 )
+
+_TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
 
 _COMMANDS = {
     "classify": "Label every input by its nearest example gesture.",
@@ -68,8 +71,7 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except CycloptsError as error:
-        known = [name for name in arguments[:1] if name in _COMMANDS]
-        return _fail(f"E_USAGE {error}; try: {' '.join(['gesture', *known, '--help'])}", EXIT_USAGE)
+        return _fail(_usage(error, arguments), EXIT_USAGE)
     except GestureError as error:
         return _fail(str(error), _exit_code(error))
     except BrokenPipeError:
@@ -79,10 +81,7 @@ def run(arguments: Sequence[str]) -> int:
             return _nobody_reads()
         raise
     except OSError as error:
-        return _fail(
-            f"E_OS {error}; kept: what was written before; try: check the disk and its permissions",
-            EXIT_FATAL,
-        )
+        return _fail(_trouble(error), EXIT_FATAL)
     except KeyboardInterrupt:
         return _interrupted(arguments, 128 + signal.SIGINT)
     except _Terminated:
@@ -96,6 +95,30 @@ def _on_sigterm(_number: int, _frame: FrameType | None) -> None:
 def _nobody_reads() -> int:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # later flushes must not fail
     return EXIT_PIPE
+
+
+def _usage(error: CycloptsError, arguments: Sequence[str]) -> str:
+    """A mistake on the command line, with what would have been right where that is known."""
+    chain = error.command_chain or [name for name in arguments[:1] if name in _COMMANDS]
+    remedy = " ".join(["gesture", *chain, "--help"])
+    name = error.argument.name if error.argument else ""
+    if isinstance(error, MissingArgumentError):
+        cause = f"{name} {'needs a value' if name in arguments else 'is missing'}"
+    elif isinstance(error, UnusedCliTokensError):
+        cause = f"{shlex.join(error.unused_tokens or ())} is not understood here"
+    else:
+        cause, meant, rest = str(error).partition(" Did you mean ")
+        cause = cause.partition(" Available commands")[0].rstrip(". ")
+        remedy = f"{rest.partition('?')[0]}, or {remedy}" if meant else remedy
+    return f"E_USAGE {cause}; try: {remedy}"
+
+
+def _trouble(error: OSError) -> str:
+    """What the operating system refused, said of the file that was wanted, not of a temporary one."""
+    named = error.filename2 or error.filename
+    cause = error.strerror or str(error)
+    text = f"{_TEMPORARY.sub('', os.fsdecode(named))}: {cause}" if isinstance(named, str | bytes) else cause
+    return f"E_OS {text}; kept: what was written before; try: check the disk and its permissions"
 
 
 def _fail(text: str, code: int) -> int:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import cyclopts
 from cyclopts import Parameter
 
+from gesture_core.cli.flags import UNSAID
 from gesture_core.errors import ModelError
 
 app = cyclopts.App(
@@ -73,15 +74,20 @@ app.command(list_models, name="list")
 @app.command
 def add(
     source: str,
+    /,
     *,
-    name: str = "",
-    sha256: str = "",
-    licence: str = "",
+    name: Annotated[str, UNSAID] = "",
+    sha256: Annotated[str, UNSAID] = "",
+    licence: Annotated[str, UNSAID] = "",
     contract: Annotated[
         tuple[str, ...],
-        Parameter(consume_multiple=False, help="A fact about the network, as key=value; may be repeated."),
+        Parameter(
+            consume_multiple=False,
+            show_default=False,
+            help="A fact about the network, as key=value; may be repeated.",
+        ),
     ] = (),
-    replace: bool = False,
+    replace: Annotated[bool, UNSAID] = False,
 ) -> int:
     """Add a pose network from a file or an https address, under a name for --model.
 

@@ -6,8 +6,9 @@ import inspect
 import json
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
-from typing import Any
+from typing import Annotated, Any
 
+from gesture_core.cli.flags import UNSAID
 from gesture_core.cli.screen import print_table
 from gesture_core.errors import PluginError
 from gesture_core.plugin import registry
@@ -19,7 +20,7 @@ from gesture_core.settings.values import near
 _PARAMETERS = "Parameters\n"
 
 
-def plugins(name: str = "", *, check: bool = False) -> int:
+def plugins(name: Annotated[str, UNSAID] = "", /, *, check: Annotated[bool, UNSAID] = False) -> int:
     """List every plugin, its kind, origin and status.
 
     Parameters

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from gesture_core.cli.flags import PoseFlags
+from gesture_core.cli.flags import UNSAID, PoseFlags
 from gesture_core.cli.screen import counted, visible
+from gesture_core.cli.targets import check_file
 from gesture_core.errors import InputError, MediaError, PoseError
 
 if TYPE_CHECKING:
@@ -16,11 +17,12 @@ if TYPE_CHECKING:
 
 def render(
     video: Path,
+    /,
     *,
     out: Path | None = None,
     flags: PoseFlags | None = None,
     people: str | None = None,
-    overwrite: bool = False,
+    overwrite: Annotated[bool, UNSAID] = False,
 ) -> int:
     """Draw the keypoints that the network sees over a video: right side orange, left side blue.
 
@@ -51,8 +53,10 @@ def render(
         write = write_video if target.suffix.lower() == ".mp4" else write_strip
         count = write(overlay(frames, found), target)
     seen = max(sequence.frames_with_pose for sequence in found)
-    who = "1 person" if len(found) == 1 else f"{len(found)} people"
-    print(f"{visible(str(target))}: {counted(count, 'frame')}, {who}, at most {seen} frames with a pose")
+    who = (
+        f"1 person, in {seen} of them" if len(found) == 1 else f"{len(found)} people, in up to {seen} of them"
+    )
+    print(f"{visible(str(target))}: {counted(count, 'frame')}, {who}")
     return 0
 
 
@@ -78,20 +82,14 @@ def _people(video: Path, settings: Settings) -> list[PoseSequence]:
 
 
 def _check(video: Path, target: Path, *, overwrite: bool, can_write_video: bool) -> None:
-    suffix = target.suffix.lower()
-    if suffix not in (".mp4", ".png"):
-        raise InputError(f"--out {target}", remedy="a name that ends in .mp4 or .png", code="E_OPTION")
-    if suffix == ".mp4" and not can_write_video:
+    check_file(target, (".mp4", ".png"), replace=overwrite and not _same(video, target))
+    if target.suffix.lower() == ".mp4" and not can_write_video:
         raise MediaError(
             "writing H.264 needs PyAV: pip install 'gesture-core[video]'",
             remedy="--out with a name that ends in .png",
             code="E_MISSING_DEPENDENCY",
         )
-    if target.exists() and (not overwrite or target.samefile(video)):
-        raise InputError(
-            "there is a file of this name",
-            subject=str(target),
-            kept="that one",
-            remedy="--overwrite, or another --out",
-            code="E_EXISTS",
-        )
+
+
+def _same(video: Path, target: Path) -> bool:
+    return video.exists() and target.exists() and target.samefile(video)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import errno
+import importlib
 import io
 import json
 import os
@@ -14,6 +16,8 @@ import pytest
 from distributions import gesture
 
 from gesture_core.demo.archive import DemoArchive
+
+main = importlib.import_module("gesture_core.cli.main")  # the package has a function of this name
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +100,8 @@ def test_exports_agree(run: Path, tmp_path: Path) -> None:
     assert list(csv.DictReader(io.StringIO(piped.stdout))) == table
     assert gesture("export", run, "--format", "jsonl", "--to", tmp_path / "x.jsonl").returncode == 0
     assert (tmp_path / "x.jsonl").read_bytes() == (run / "results.jsonl").read_bytes()
+    assert gesture("export", run, "--to", tmp_path / "y.JSONL").returncode == 0
+    assert (tmp_path / "y.JSONL").read_bytes() == (run / "results.jsonl").read_bytes()
 
 
 def test_cells_that_a_spreadsheet_would_run_are_neutralised(tmp_path: Path) -> None:
@@ -115,11 +121,23 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
 @pytest.mark.parametrize(
     ("arguments", "code", "hint"),
     [
-        (["classify"], 2, "--help"),
+        (["classify"], 2, "SOURCES is missing; try: gesture classify --help"),
+        ([*CLASSIFY, "--labels"], 2, "--labels needs a value"),
         (["nonsense"], 2, "try: gesture --help"),
+        (["extrct"], 2, 'try: "extract", or gesture --help'),
+        (["models", "lst"], 2, "lst is not understood here; try: gesture models --help"),
+        (["evaluate", "{examples}", "--oot", "x"], 2, "try: --out, or gesture evaluate --help"),
+        (["evaluate", "{examples}", "--out", "{file}"], 2, "is a file; try: a folder"),
+        (["bench", "--out", "{examples}"], 2, "is a folder"),
+        (["bench", "--series", "0"], 2, "--series"),
+        (["render", "{film}", "--out", "{file}/x.png"], 2, "cannot be written"),
+        (["render", "{film}", "--out", "x.gif"], 2, ".mp4 or .png"),
         ([*CLASSIFY, "--workers", "-1"], 2, "--workers"),
         (["classify", "absent", "--examples", "absent", "--out", "{out}"], 2, "no such file"),
         (["export", "absent"], 2, "holds no run"),
+        (["export", "{run}", "--to", "x.xlsx"], 2, "--format with one of csv"),
+        (["export", "{run}", "--to", "{examples}"], 2, "is a folder"),
+        (["export", "{file}"], 2, "holds no run"),
         (["plugins", "gausian"], 2, "gaussian"),
         ([*CLASSIFY, "--kernel", "fast"], 2, "numpy"),
         ([*CLASSIFY, "--set", "windw=1"], 2, "window"),
@@ -130,20 +148,28 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         (["extract", "{clips}", "--out", "{out}", "--model", "compcat"], 2, "did you mean 'compact'? one of"),
         (["extract", "{clips}", "--out", "{out}", "--model", "no/such.onnx"], 2, "gesture models"),
         (["models", "add", "no/such.onnx"], 2, "no such file"),
-        (["extract", "{videos}", "--out", "{out}", "--kernel", "numpy"], 2, "try: gesture extract --help"),
-        (["render", "{videos}", "--reject", "1"], 2, "try: gesture render --help"),
+        (["extract", "{videos}", "--out", "{out}", "--kernel", "numpy"], 2, "gesture extract --help"),
+        (["render", "{videos}", "--reject", "1"], 2, "gesture render --help"),
         (["bench", "--neighbors", "1"], 2, "try: gesture bench --help"),
     ],
 )  # fmt: skip
 def test_mistakes_exit_with_two_and_say_what_would_be_right(
-    drawn: DemoArchive, tmp_path: Path, arguments: list[str], code: int, hint: str
+    drawn: DemoArchive,
+    run: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    code: int,
+    hint: str,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     places = {"videos": drawn.video_keypoints, "examples": drawn.example_keypoints, "out": tmp_path / "run"}
-    places["clips"] = drawn.videos
-    done = gesture(*(argument.format(**places) for argument in arguments), cwd=tmp_path)
-    assert done.returncode == code, done.stderr
-    assert hint in done.stderr
-    assert "Traceback" not in done.stderr
+    places |= {"run": run, "clips": drawn.videos, "film": drawn.videos / "clip_01.mp4", "file": drawn.truth}
+    assert main.run([argument.format(**places) for argument in arguments]) == code
+    said = capsys.readouterr()
+    assert hint in said.err and not said.out
+    assert list(tmp_path.iterdir()) == [], "a mistake leaves nothing behind"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
@@ -158,27 +184,40 @@ def test_a_closed_pipe_ends_quietly(run: Path, words: str) -> None:
 
 
 def test_a_plugin_shows_its_options_as_they_would_be_set(capsys: pytest.CaptureFixture[str]) -> None:
-    from gesture_core.cli.main import run
-    from gesture_core.plugin import registry
-
-    for name in sorted({plugin for _, plugin in registry().entries}):
-        assert run(["plugins", name]) == 0
+    for name in ("gaussian", "arrays", "csv", "processes"):
+        assert main.run(["plugins", name]) == 0
     shown = capsys.readouterr().out
     assert "<factory>" not in shown
-    assert run(["plugins", "parts"]) == 0
+    assert main.run(["plugins", "parts"]) == 0
     shown = capsys.readouterr().out
     assert (
         '{"wrist" = 1.0, "elbow" = 1.0}' in shown and "preset modern" in shown and "forearm.turning" in shown
     )
-    assert run(["plugins", "onnx"]) == 0
+    assert main.run(["plugins", "onnx"]) == 0
     assert "batch_size : int" in capsys.readouterr().out, "options of the base are explained too"
 
 
-def test_every_command_exists() -> None:
-    from gesture_core.cli.main import app
+def test_what_the_system_refuses_is_said_of_the_file_that_was_wanted(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), f"x/.{'0' * 16}.tmp-y.csv")
 
+    monkeypatch.setattr(os, "fsync", full)
+    assert main.run(["export", str(run), "--to", str(tmp_path / "y.csv")]) == 1
+    assert capsys.readouterr().err.startswith(f"E_OS x/y.csv: {os.strerror(errno.ENOSPC)}; kept")
+
+
+def test_no_help_shows_a_default_that_is_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    for command in [*([name] for name in main._COMMANDS), ["models", "add"], ["models", "verify"]]:
+        assert main.run([*command, "--help"]) == 0
+        shown = capsys.readouterr().out
+        assert not any(f"[default: {nothing}]" in shown for nothing in ('""', "False", "()", "None"))
+
+
+def test_every_command_exists() -> None:
     for name in ("bench", "classify", "demo", "evaluate", "explain", "export", "extract", "models", "render"):
-        assert app[name].help
+        assert main.app[name].help
 
 
 def test_the_environment_and_presets_reach_the_run(drawn: DemoArchive, tmp_path: Path) -> None:

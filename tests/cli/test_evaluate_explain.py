@@ -155,8 +155,16 @@ def test_explain_says_why(
     plot = Path("run/explain-up_C.npy.png")
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert str(plot) in said.err
-    assert run(["explain", "run", "nobody.npy"]) == 2
-    assert "E_NOT_FOUND" in capsys.readouterr().err
+    assert run(["explain", "run", "up_"]) == 0, "a part of the name is enough where only one has it"
+    capsys.readouterr()
+    for wrong, hint in (
+        (["nobody.npy"], "no input of the run is 'nobody.npy'"),
+        (["C.npy"], "could be any of 3 inputs"),
+        (["up_C.npy", "--person", "3"], "has no person 3; try: one of 0"),
+        (["up_C.npy", "--out", "plot.txt"], "ends in .png"),
+    ):
+        assert run(["explain", "run", *wrong]) == 2
+        assert hint in capsys.readouterr().err
     assert run(["explain", str(examples), "up_C.npy"]) == 2
     monkeypatch.chdir("/")
     assert run(["explain", str(tmp_path / "run"), "up_C.npy"]) == 2
