@@ -20,6 +20,7 @@ from gesture_pose_files.files import (
     MAX_ARRAY_BYTES,
     MAX_MEMBERS,
     check_options,
+    check_size,
     head_of,
     open_regular,
     printable,
@@ -56,10 +57,7 @@ class ArrayReader:
 
     def __post_init__(self) -> None:
         check_options(self.fps, "single")
-        size = tuple(self.frame_size)
-        if len(size) != 2 or not all(isinstance(side, int) and 0 < side < 1 << 20 for side in size):
-            raise ValueError(f"frame_size is {self.frame_size!r}, it must be two whole numbers of pixels")
-        object.__setattr__(self, "frame_size", size)
+        object.__setattr__(self, "frame_size", check_size(self.frame_size))
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is called ``.npy`` or ``.npz`` and begins like one."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -81,6 +82,14 @@ def head_of(path: Path, count: int) -> bytes:
         raise KeypointError(
             f"cannot be read: {error.strerror}", subject=printable(path), code="E_KEYPOINTS_UNREADABLE"
         ) from error
+
+
+def check_size(frame_size: Sequence[int]) -> tuple[int, int]:
+    """``frame_size`` as (width, height); refused where no picture can have it."""
+    size = tuple(frame_size)
+    if len(size) != 2 or not all(isinstance(side, int) and 0 < side < 1 << 20 for side in size):
+        raise ValueError(f"frame_size is {frame_size!r}, it must be two whole numbers of pixels")
+    return size[0], size[1]
 
 
 def check_options(fps: float, people: str) -> None:

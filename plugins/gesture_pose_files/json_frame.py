@@ -1,7 +1,8 @@
 """One frame of OpenPose's JSON, read without trust.
 
 The format is that of OpenPose's ``--write_json`` (versions 0.1 to 1.3): ``people[].pose_keypoints_2d``
-(``pose_keypoints`` before 1.1) holds x, y, score for each joint, zeros where it was not found.
+(``pose_keypoints`` before 1.1) holds x, y, score for each joint, the score zero where it was not found;
+x and y are then zero too, unless ``--keypoint_scale 4`` moved them to -1.
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ def people_in(frame: Any, name: str) -> tuple[list[Person], str | None]:
             )
         kinds.add(kind.name)
         joints = _joints(values, number, name)
-        missing = (joints == 0).all(axis=1)
+        missing = joints[:, 2] <= 0
         if not missing.all():
             points = np.where(missing[:, None], np.float32(np.nan), joints[:, :2])
             found.append(Person(points, np.clip(joints[:, 2], 0, 1)))

@@ -54,8 +54,9 @@ def sequence(
     Parameters
     ----------
     array : (T, J, 2|3|4) or (T, 2J|3J|4J) array
-        x, y; x, y, score; or x, y, z, score. NaN, or zero in x, y and score, where missing. With
-        33 joints (MediaPipe) a third value of three is a score only if all of them are in 0..1.
+        x, y; x, y, score; or x, y, z, score. NaN, a score of zero, or without scores zero in x and y,
+        where missing. With 33 joints (MediaPipe) a third value of three is a score only if all of
+        them are in 0..1 and not all zero.
     units : Units
     source, reader : str
         The input as the user named it, and the plugin that reads it.
@@ -90,12 +91,10 @@ def sequence(
         provenance["times"] = f"index at {units.fps:g} frames/s"
     missing = _missing(points, scores, body)
     points = np.where(missing[..., None], np.float32(np.nan), points)
-    if body is BLAZEPOSE33 and _are_shares(points):
+    if body is BLAZEPOSE33 and are_shares(points):
         size = frame_size or units.frame_size
         points = points * np.array(size, np.float32)
-        provenance["scaled"] = f"shares of {size[0]} x {size[1]} pixels" + (
-            " assumed" if frame_size is None else ""
-        )
+        provenance["scaled"] = scaled(size, assumed=frame_size is None)
     return PoseSequence(
         points,
         np.ones(points.shape[:2], np.float32) if scores is None else scores,
@@ -106,6 +105,11 @@ def sequence(
         source,
         provenance,
     )
+
+
+def scaled(size: tuple[int, int], *, assumed: bool) -> str:
+    """What the provenance says of shares that were multiplied with ``size``."""
+    return f"shares of {size[0]} x {size[1]} pixels{' assumed' if assumed else ''}"
 
 
 def _body(kind: str, source: str) -> Skeleton:
@@ -136,7 +140,7 @@ def _scores(values: np.ndarray, body: Skeleton, source: str) -> np.ndarray | Non
     last = values[..., -1]
     low, high = (float(np.nanmin(last)), float(np.nanmax(last))) if not np.isnan(last).all() else (0.0, 0.0)
     plausible = low >= -0.01 and high <= 1.5
-    if body is BLAZEPOSE33 and values.shape[2] == 3 and not (low >= 0 and high <= 1):
+    if body is BLAZEPOSE33 and values.shape[2] == 3 and not (low >= 0 and 0 < high <= 1):
         return None  # x, y, z without visibility
     if not plausible:
         raise KeypointError(
@@ -149,15 +153,16 @@ def _scores(values: np.ndarray, body: Skeleton, source: str) -> np.ndarray | Non
 
 
 def _missing(points: np.ndarray, scores: np.ndarray | None, body: Skeleton) -> np.ndarray:
-    """(T, J) bool: joints at 0, 0 that were not found.
+    """(T, J) bool: joints that were not found.
 
-    With scores, 0, 0, 0 says "not found". Without, 0, 0 says so too, unless the coordinates are centred
-    on the neck: then the neck is at 0, 0 in every frame, others may fall on it, and, as in
+    With scores, 0 says so, wherever x and y are. Without, x and y of 0 do, unless the coordinates are
+    centred on the neck: then the neck is at 0, 0 in every frame, others may fall on it, and, as in
     no picture, some coordinates are negative. A frame of nothing but zeros is empty either way.
     """
     zero = (points == 0).all(axis=2)
     if scores is not None:
-        return zero & ~(np.asarray(scores) > 0)
+        known = np.asarray(scores)
+        return (known <= 0) | (zero & np.isnan(known))
     empty = zero.all(axis=1)
     if "neck" in body.joints and not empty.all():
         filled = ~empty
@@ -167,6 +172,7 @@ def _missing(points: np.ndarray, scores: np.ndarray | None, body: Skeleton) -> n
     return zero
 
 
-def _are_shares(points: np.ndarray) -> bool:
+def are_shares(points: np.ndarray) -> bool:
+    """Whether coordinates, NaN where missing, are shares of a picture's width and height, not pixels."""
     seen = np.abs(points[np.isfinite(points)])
     return bool(seen.size) and float(np.median(seen)) <= 1.0 and float(seen.max()) <= _LARGEST_SHARE

@@ -13,8 +13,9 @@ from gesture_core.errors import KeypointError
 from gesture_core.plugin.kinds import Person
 from gesture_core.skeletons import BODY25, skeleton
 from gesture_core.types import PoseSequence
-from gesture_pose_files.files import MAX_FRAMES, check_options, printable
+from gesture_pose_files.files import MAX_FRAMES, check_options, check_size, printable
 from gesture_pose_files.json_frame import read_frame
+from gesture_pose_files.layout import are_shares, scaled
 from gesture_pose_files.people import tracks
 
 _NAME = re.compile(r"(.*)_(\d{12})_keypoints\.json", re.DOTALL)
@@ -33,13 +34,19 @@ class OpenPoseJsonReader:
         that frames that were left out stay gaps in time.
     people : "single" or "multi"
         One sequence with the most persistent person, or one for each person.
+    frame_size : (width, height)
+        The picture that x and y are multiplied with where they are shares of its width and height
+        (OpenPose's ``--keypoint_scale 3`` and ``4``). The files do not say; only the ratio of the two
+        changes a gesture, 4:3 by default.
     """
 
     fps: float = 30.0
     people: str = "single"
+    frame_size: tuple[int, int] = (640, 480)
 
     def __post_init__(self) -> None:
         check_options(self.fps, self.people)
+        object.__setattr__(self, "frame_size", check_size(self.frame_size))
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is a folder that holds at least one frame."""
@@ -91,6 +98,11 @@ class OpenPoseJsonReader:
         body = skeleton(kind or BODY25.name)
         times = np.array([number for number, _ in numbered], np.float64) / self.fps
         provenance = {"reader": "openpose-json", "times": f"frame numbers at {self.fps:g} frames/s"}
+        every = [one.keypoints for frame in frames for one in frame]
+        if every and are_shares(np.stack(every)):
+            size = np.array(self.frame_size, np.float32)
+            frames = [[Person(one.keypoints * size, one.scores) for one in frame] for frame in frames]
+            provenance["scaled"] = scaled(self.frame_size, assumed=True)
         return [
             PoseSequence(points, scores, times, body.name, None, person, source, provenance)
             for person, (points, scores) in enumerate(tracks(frames, len(body.joints), self.people))

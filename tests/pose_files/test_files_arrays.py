@@ -97,6 +97,17 @@ def test_depth_is_not_a_score(tmp_path: Path) -> None:
     assert code_of(save(tmp_path / "xyz.npy", array[:, :18] * 5)) == "E_KEYPOINTS_VALUE"
 
 
+def test_a_score_of_zero_is_a_missing_joint_wherever_it_lies(tmp_path: Path) -> None:
+    array = np.random.default_rng(0).uniform(0.1, 0.9, (6, 25, 3))
+    array[:, 4] = -1, -1, 0
+    (sequence,) = ArrayReader().read(save(tmp_path / "scaled.npy", array))
+    assert not sequence.seen[:, 4].any() and sequence.seen.sum() == 6 * 24
+    flat = np.random.default_rng(0).uniform(0.1, 0.9, (6, 33, 3))
+    flat[..., 2] = 0  # no depth is told, and no score
+    (sequence,) = ArrayReader().read(save(tmp_path / "flat.npy", flat))
+    assert sequence.seen.all() and (sequence.scores == 1).all()
+
+
 def test_zeros_without_scores_are_missing_unless_the_neck_is_the_origin(tmp_path: Path) -> None:
     pixels = np.random.default_rng(0).uniform(50, 400, (10, 18, 2))
     pixels[:, 1] = 0  # a neck that is never found, in pixels

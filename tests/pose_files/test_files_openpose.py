@@ -140,6 +140,30 @@ def test_shares_of_the_picture_are_tracked_too(tmp_path: Path) -> None:
     assert all(np.ptp(sequence.keypoints[:, 0], axis=0).max() < 1e-3 for sequence in found)
 
 
+@pytest.mark.parametrize(("scale", "factor", "offset"), [(3, 1, 0), (4, 2, -1)])
+def test_every_scale_of_openpose_is_the_same_body(
+    tmp_path: Path, scale: int, factor: float, offset: float
+) -> None:
+    """Shares of width and height become one unit again; scale 4 puts a missing joint at -1, -1, 0."""
+    size = np.array([640, 480])
+    pixels, shares = tmp_path / "pixels", tmp_path / "shares"
+    pixels.mkdir(), shares.mkdir()
+    for number in range(6):
+        body = person(18, (200 + number, 100), 150)
+        body[number] = 0
+        write_frame(pixels, "clip", number, [body])
+        body[:, :2] = body[:, :2] / size * factor + offset
+        write_frame(shares, "clip", number, [body])
+    (wanted,), (found,) = (OpenPoseJsonReader().read(folder) for folder in (pixels, shares))
+    np.testing.assert_array_equal(found.seen, wanted.seen)
+    assert not found.seen.diagonal().any()
+    expected = wanted.keypoints * factor + offset * size
+    np.testing.assert_allclose(found.keypoints, expected, atol=0.1)  # four digits in the file
+    assert "640 x 480 pixels assumed" in found.provenance["scaled"] and "scaled" not in wanted.provenance
+    (wide,) = OpenPoseJsonReader(frame_size=(1920, 1080)).read(shares)
+    np.testing.assert_allclose(wide.keypoints, found.keypoints * [3, 2.25], rtol=1e-5)
+
+
 def test_a_person_who_comes_back_to_the_same_place_is_carried_on(tmp_path: Path) -> None:
     for number in range(80):
         here = [person(18, (100, 100), seed=1)] if not 30 <= number < 60 else []
@@ -218,7 +242,9 @@ def test_links_out_of_the_folder_and_pipes_are_refused(tmp_path: Path) -> None:
     assert code_of(folder) == "E_KEYPOINTS_UNREADABLE"
 
 
-@pytest.mark.parametrize("options", [{"fps": 0}, {"fps": -1}, {"fps": float("nan")}, {"people": "all"}])
+@pytest.mark.parametrize(
+    "options", [{"fps": 0}, {"fps": -1}, {"fps": float("nan")}, {"people": "all"}, {"frame_size": [640]}]
+)
 def test_options_are_checked(options: dict[str, object]) -> None:
     from gesture_core.errors import ConfigError
 
