@@ -64,7 +64,7 @@ def execute(
     with progress(quiet=run.quiet) as listener:
         summary = run_archive(request, listener)
     if not run.quiet:
-        print_rows(summary.rows())
+        print_rows(summary.rows(), classified=bool(examples))
         say_summary(summary)
     return summary.exit_code
 
@@ -93,6 +93,8 @@ def say_summary(summary: RunSummary) -> None:
 def _say_to_people(summary: RunSummary) -> None:
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.counts.items()))
     database = visible(str(summary.out / "run.db"))
+    if (summary.out / "keypoints").is_dir():
+        database += f" and {visible(str(summary.out / 'keypoints'))}"
     if summary.done_now:
         speed = f", {summary.frames / summary.elapsed:.0f} frames/s" if summary.frames else ""
         kernel = f", kernel {summary.kernel}" if summary.kernel else ""

@@ -42,7 +42,7 @@ def print_table(
     console().print(table)
 
 
-def print_rows(rows: Sequence[Row]) -> None:
+def print_rows(rows: Sequence[Row], *, classified: bool = True) -> None:
     """The result: a table and what went wrong on a terminal, JSON lines otherwise."""
     if not sys.stdout.isatty():
         from gesture_core.archive.writers import json_line
@@ -50,7 +50,7 @@ def print_rows(rows: Sequence[Row]) -> None:
         for row in rows:
             print(json_line(row.as_record()))
         return
-    result_table(rows[:_ROWS_SHOWN])
+    (result_table if classified else keypoint_table)(rows[:_ROWS_SHOWN])
     if len(rows) > _ROWS_SHOWN:
         print(f"… and {counted(len(rows) - _ROWS_SHOWN, 'more row')}: gesture export writes all of them")
     print_reasons(rows)
@@ -67,23 +67,30 @@ def print_reasons(rows: Sequence[Row]) -> None:
 
 def result_table(rows: Sequence[Row]) -> None:
     """One line for each row: input, label, distance, margin, nearest example and status."""
-    from rich.text import Text
-
-    base = _common_folder([row.input for row in rows])
     cells = [
         (
-            row.input.removeprefix(base) + (f" #{row.person}" if row.person else ""),
+            name,
             row.label or "-",
             _number(row.distance),
             _number(row.margin),
             # The folder above is the label, as a rule.
             "/".join(row.neighbors[0][0].rsplit("/", 2)[-2:]) if row.neighbors else "",
-            Text(visible(f"{row.status} {row.code}".strip()), _STYLES[row.status]),
+            _status(row),
         )
-        for row in rows
+        for name, row in zip(_names(rows), rows, strict=True)
     ]
     columns = ("input", "label", "distance", "margin", "nearest example", "status")
     print_table(columns, cells, right=("distance", "margin"))
+
+
+def keypoint_table(rows: Sequence[Row]) -> None:
+    """One line for each row of keypoints: input, frames, how many with a pose, seconds and status."""
+    cells = [
+        (name, str(row.frames_read), str(row.frames_with_pose), f"{row.seconds:.1f}", _status(row))
+        for name, row in zip(_names(rows), rows, strict=True)
+    ]
+    columns = ("input", "frames", "with a pose", "seconds", "status")
+    print_table(columns, cells, right=columns[1:4])
 
 
 def visible(text: str) -> str:
@@ -94,6 +101,18 @@ def visible(text: str) -> str:
 def counted(number: int, noun: str) -> str:
     """``1 row``, ``2 rows``."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _names(rows: Sequence[Row]) -> list[str]:
+    """The inputs without the folder that all of them are in, and the number of the person."""
+    base = _common_folder([row.input for row in rows])
+    return [row.input.removeprefix(base) + (f" #{row.person}" if row.person else "") for row in rows]
+
+
+def _status(row: Row) -> Text:
+    from rich.text import Text
+
+    return Text(visible(f"{row.status} {row.code}".strip()), _STYLES[row.status])
 
 
 def _number(value: float | None) -> str:

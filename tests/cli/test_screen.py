@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gesture_core.archive.rows import Row
-from gesture_core.cli.screen import counted, print_reasons, result_table, visible
+from gesture_core.cli.screen import counted, keypoint_table, print_reasons, result_table, visible
 
 
 def rows() -> list[Row]:
@@ -24,6 +24,13 @@ def test_the_table_names_the_label_of_the_nearest_example(capsys: pytest.Capture
     assert "wave/1.mp4" in said and "examples/" not in said and "in/" not in said
     assert "0.250" in said and "#2" in said and "error E_MEDIA_BROKEN" in said
     assert "\x1b" not in said
+
+
+def test_keypoints_have_a_table_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+    keypoint_table([Row("in/a.mp4", frames_read=40, frames_with_pose=38, seconds=1.95, status="ok"), *rows()])
+    said = capsys.readouterr().out
+    assert "label" not in said and "with a pose" in said
+    assert [cell for cell in said.splitlines()[3].split() if cell] == ["a.mp4", "40", "38", "1.9", "ok"]
 
 
 def test_reasons_stand_below_the_worst_first(capsys: pytest.CaptureFixture[str]) -> None:
