@@ -77,7 +77,9 @@ class PoseBackend(Protocol):
 class KeypointReader(Protocol):
     """Reads ready-made keypoint files.
 
-    A reader whose options include ``fps`` or ``people`` is given those of the section [pose].
+    A reader whose options include ``fps`` or ``people`` is given those of the section [pose]. What a
+    file does not say and the reader assumes, such as the frames a second, is named in
+    ``PoseSequence.provenance["assumed"]``; the end of a run says for how many files.
     """
 
     def accepts(self, path: Path) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib
 import importlib.util
+import inspect
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -194,11 +195,33 @@ class Registry:
         """
         entry = self.find(kind, name)
         factory = self.load(kind, name)
+        options = options or {}
+        _refuse_unknown(entry, factory, options)
         try:
-            return factory(**fixed, **(options or {}))
+            return factory(**fixed, **options)
         except (TypeError, ValueError) as error:
             raise ConfigError(
-                f"{entry.title} does not take {dict(options or {})}: {error}",
+                f"{entry.title} refuses its options: {error}" if options else f"{entry.title}: {error}",
                 remedy=f"'gesture plugins {name}' lists its options",
                 code="E_OPTION",
             ) from error
+
+
+def _refuse_unknown(entry: Registration, factory: Any, options: Mapping[str, Any]) -> None:
+    """A ConfigError for the first option that the plugin's class does not name."""
+    try:
+        taken = inspect.signature(factory).parameters.values()
+    except (TypeError, ValueError):  # a class of another language says nothing of itself
+        return
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken):
+        return
+    known = [parameter.name for parameter in taken if parameter.kind is not parameter.POSITIONAL_ONLY]
+    for option in options:
+        if option not in known:
+            near = difflib.get_close_matches(option, known, 1)
+            raise ConfigError(
+                f"{entry.title} has no option {option!r}",
+                remedy=(f"did you mean {near[0]!r}? " if near else "")
+                + f"'gesture plugins {entry.name}' lists its options",
+                code="E_OPTION",
+            )

@@ -144,6 +144,8 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         ([*CLASSIFY, "--preset", "no"], 2, "paper"),
         ([*CLASSIFY, "--reject", "x"], 2, "3sd"),
         ([*CLASSIFY, "--set", "gausian.sigma=1"], 2, "gauss"),
+        ([*CLASSIFY, "--set", "gaussian.sgima=1"], 2, "has no option 'sgima'; try: did you mean 'sigma'"),
+        ([*CLASSIFY, "--set", "parts.window=-1"], 2, "filter 'parts' refuses its options: window -1"),
         ([*CLASSIFY, "--neighbors", "99"], 2, "99"),
         (["extract", "{clips}", "--out", "{out}", "--model", "compcat"], 2, "did you mean 'compact'? one of"),
         (["extract", "{clips}", "--out", "{out}", "--model", "no/such.onnx"], 2, "gesture models"),
