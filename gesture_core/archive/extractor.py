@@ -179,6 +179,7 @@ class Extractor:
             "complete": True,
             "notes": [],
             "seconds": seconds,
+            "assumed": sequences[0].provenance.get("assumed", "") if sequences else "",
         }
         return [s for s in sequences if s.frames_with_pose], facts | known
 
@@ -224,7 +225,8 @@ def message_without_subject(error: GestureError) -> str:
 
 def _facts(facts: Any) -> dict[str, Any]:
     names = ("people", "frames_declared", "frames_read", "complete", "seconds")
-    return {name: facts[name] for name in names} | {"notes": tuple(facts["notes"])}
+    notes, assumed = tuple(facts["notes"]), facts.get("assumed", "")
+    return {name: facts[name] for name in names} | {"notes": notes, "assumed": assumed}
 
 
 class _Counted:

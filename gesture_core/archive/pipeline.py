@@ -7,8 +7,9 @@ in batches, and each input's rows are committed in one transaction.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from gesture_core.archive.assemble import broken_row, failed_row, person_rows, skipped_row
@@ -71,6 +72,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             plan.kernel,
             plan.fingerprint,
             tuple(sorted(lost)),
+            dict(run.assumed),
         )
 
 
@@ -91,6 +93,7 @@ class _Run:
     listener: Listener
     frames: int = 0
     added: bool = False
+    assumed: Counter[str] = field(default_factory=Counter)
 
     def work(self) -> None:
         """Extract, compare, commit, until nothing waits."""
@@ -138,6 +141,7 @@ class _Run:
             self.listener.extracted(item.name, outcome.cached)
             self.frames += 0 if outcome.cached else outcome.frames_read
             self.added |= bool(outcome.stored) and not outcome.cached
+            self.assumed.update([outcome.assumed] if outcome.assumed else [])
             yield item, outcome
 
     def _fit(self, deciding: Deciding, outcomes: Mapping[Input, Outcome]) -> None:

@@ -88,6 +88,9 @@ class RunSummary:
     fingerprint : str
     lost_classes : tuple of str
         Labels of which no example can be used: no input can get them.
+    assumed : mapping
+        What files do not say and was assumed, such as the frames a second of keypoints without
+        times, and of how many inputs and examples that this run looked at.
     """
 
     out: Path
@@ -99,6 +102,7 @@ class RunSummary:
     kernel: str = ""
     fingerprint: str = ""
     lost_classes: tuple[str, ...] = ()
+    assumed: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def exit_code(self) -> int:

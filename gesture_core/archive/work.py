@@ -105,6 +105,8 @@ class Outcome:
         No frame is known to be lost.
     notes : tuple of str
         What was wrong with the input, where anything was.
+    assumed : str
+        What the input does not say and its reader assumed, where anything was.
     seconds : float
         Length of what was read.
     elapsed : float
@@ -126,6 +128,7 @@ class Outcome:
     frames_read: int = 0
     complete: bool = True
     notes: tuple[str, ...] = field(default_factory=tuple)
+    assumed: str = ""
     seconds: float = 0.0
     elapsed: float = 0.0
     plugin: str = ""

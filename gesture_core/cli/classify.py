@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from gesture_core.archive.run import RunRequest, RunSummary
 from gesture_core.cli.flags import Flags, PoseFlags, RunFlags
 from gesture_core.cli.progress import progress, say_event
-from gesture_core.cli.screen import counted, print_rows, visible
+from gesture_core.cli.screen import counted, print_rows, say_assumed, visible
 
 
 def classify(
@@ -84,6 +84,7 @@ def say_summary(summary: RunSummary) -> None:
         kernel=summary.kernel,
         failed_examples=[row.input for row in summary.failed_examples],
         lost_classes=list(summary.lost_classes),
+        assumed=dict(summary.assumed),
         database=str(summary.out / "run.db"),
         fingerprint=summary.fingerprint,
         exit_code=summary.exit_code,
@@ -103,6 +104,7 @@ def _say_to_people(summary: RunSummary) -> None:
         print(f"{total}: {counts}; {took}; {database}", file=sys.stderr)
     else:
         print(f"nothing to do: all rows ({counts}) are in {database}", file=sys.stderr)
+    say_assumed(summary.assumed)
     for row in summary.failed_examples:
         print(f"example left out: {row.code} {visible(row.message)}", file=sys.stderr)
     if summary.lost_classes:

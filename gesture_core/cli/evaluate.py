@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +13,7 @@ from cyclopts import Parameter
 
 from gesture_core.cli import scores
 from gesture_core.cli.flags import Flags, Workers
-from gesture_core.cli.screen import counted
+from gesture_core.cli.screen import counted, say_assumed
 from gesture_core.cli.targets import check_folder
 from gesture_core.errors import ConfigError, GestureError, InputError
 
@@ -188,16 +189,19 @@ def _load(
     hashes = [""] * len(items)
     readable = [number for number, item in enumerate(items) if item.kind != "broken"]
     chosen = [items[number] for number in readable]
+    assumed: Counter[str] = Counter()
     for place, outcome, people in people_of(chosen, settings, identity=identity, workers=workers):
         number = readable[place]
         name = items[number].name
         hashes[number] = outcome.sha256
+        assumed.update([outcome.assumed] if outcome.assumed else [])
         if outcome.code:
             poses[number] = GestureError(outcome.message, subject=name, code=outcome.code)
         elif people:
             poses[number] = people[0]
         else:
             poses[number] = GestureError("nobody was found", subject=name, code="E_NO_PERSON")
+    say_assumed(assumed)
     names = [item.name for item in items]
     identity["inputs"] = dict(zip(names, hashes, strict=True))
     return Labelled(poses, [str(item.label) for item in items], who, names, examples), identity

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -91,6 +91,12 @@ def keypoint_table(rows: Sequence[Row]) -> None:
     ]
     columns = ("input", "frames", "with a pose", "seconds", "status")
     print_table(columns, cells, right=columns[1:4])
+
+
+def say_assumed(assumed: Mapping[str, int]) -> None:
+    """What keypoint files do not say and was assumed, and of how many, on standard error."""
+    for what, files in sorted(assumed.items()):
+        print(f"assumed for {counted(files, 'keypoint file')}: {visible(what)}", file=sys.stderr)
 
 
 def visible(text: str) -> str:

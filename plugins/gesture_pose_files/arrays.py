@@ -25,7 +25,7 @@ from gesture_pose_files.files import (
     open_regular,
     printable,
 )
-from gesture_pose_files.layout import Units, sequence
+from gesture_pose_files.layout import Units, check_seconds, sequence
 from gesture_pose_files.npy import read_array, read_header
 
 _NPY_MAGIC = b"\x93NUMPY"
@@ -133,6 +133,8 @@ def _own_archive(
             subject=source,
             code="E_KEYPOINTS_SHAPE",
         )
+    if times is not None:
+        check_seconds(times, source)
     kind = None
     if "skeleton" in keys:
         text = _array(archive, keys["skeleton"], source, kinds="U")

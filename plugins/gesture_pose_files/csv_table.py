@@ -21,7 +21,7 @@ from gesture_pose_files.files import (
     open_regular,
     printable,
 )
-from gesture_pose_files.layout import FLAT_WIDTHS, Units, sequence
+from gesture_pose_files.layout import FLAT_WIDTHS, Units, check_seconds, sequence
 
 _HEAD_BYTES = 1 << 14
 _MAX_LINE = 1 << 16
@@ -105,6 +105,8 @@ class CsvReader:
             raise KeypointError("holds a header and no row", subject=source, code="E_KEYPOINTS_EMPTY")
         if np.isinf(table).any():
             raise KeypointError("holds an infinite value", subject=source, code="E_KEYPOINTS_VALUE")
+        if columns.time is not None:
+            check_seconds(table[:, columns.time], source)
         if columns.person is None:
             groups = [table]
         else:
@@ -137,18 +139,14 @@ class _Columns:
             scores = _take(table, self.score)
             # A joint with coordinates whose score is not told is taken to be sure.
             scores = np.where(np.isnan(scores) & ~np.isnan(points).any(axis=2), 1.0, scores)
-        times = None
-        if self.time is not None:
-            times = table[:, self.time]
-        elif self.frame is not None:
-            times = table[:, self.frame] / units.fps
         return sequence(
             points,
             units,
             source=source,
             reader="csv",
             scores=scores,
-            times=times,
+            times=table[:, self.time] if self.time is not None else None,
+            numbers=table[:, self.frame] if self.frame is not None else None,
             kind=self.skeleton.name,
             person=person,
         )

@@ -20,6 +20,8 @@ FLAT_WIDTHS = frozenset(_FLAT)
 _FORMS = "(T, J, 2|3|4) or (T, 2J|3J|4J) with J of 15, 17, 18, 25 or 33"
 # MediaPipe's x and y are shares of width and height; nobody stands further outside the picture than this.
 _LARGEST_SHARE = 5.0
+# Seconds from frame to frame: a gesture is over before the next frame, or these are no seconds.
+_LONGEST_STEP = 1.0
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ def sequence(
     reader: str,
     scores: np.ndarray | None = None,
     times: np.ndarray | None = None,
+    numbers: np.ndarray | None = None,
     kind: str | None = None,
     frame_size: tuple[int, int] | None = None,
     person: int = 0,
@@ -63,6 +66,8 @@ def sequence(
     scores : (T, J) array, optional
     times : (T,) array, optional
         Seconds; index over `units.fps` where absent.
+    numbers : (T,) array, optional
+        Of the frames, where their times are these over `units.fps`.
     kind : str, optional
         Name of the skeleton; by the number of joints where absent.
     frame_size : (width, height), optional
@@ -86,15 +91,22 @@ def sequence(
     if scores is None:
         scores = _scores(values, body, source)
     provenance = {"reader": reader}
+    assumed = []
     if times is None:
-        times = np.arange(len(points)) / units.fps
-        provenance["times"] = f"index at {units.fps:g} frames/s"
+        of_what = "index" if numbers is None else "frame numbers"
+        times = (np.arange(len(points)) if numbers is None else numbers) / units.fps
+        provenance["times"] = f"{of_what} at {units.fps:g} frames/s"
+        assumed.append(assumed_rate(units.fps))
     missing = _missing(points, scores, body)
     points = np.where(missing[..., None], np.float32(np.nan), points)
     if body is BLAZEPOSE33 and are_shares(points):
         size = frame_size or units.frame_size
         points = points * np.array(size, np.float32)
-        provenance["scaled"] = scaled(size, assumed=frame_size is None)
+        provenance["scaled"] = f"shares of {size[0]} x {size[1]} pixels"
+        if frame_size is None:
+            assumed.append(assumed_picture(size))
+    if assumed:
+        provenance["assumed"] = ", ".join(assumed)
     return PoseSequence(
         points,
         np.ones(points.shape[:2], np.float32) if scores is None else scores,
@@ -107,9 +119,28 @@ def sequence(
     )
 
 
-def scaled(size: tuple[int, int], *, assumed: bool) -> str:
-    """What the provenance says of shares that were multiplied with ``size``."""
-    return f"shares of {size[0]} x {size[1]} pixels{' assumed' if assumed else ''}"
+def assumed_rate(fps: float) -> str:
+    """What the provenance says of a file without times."""
+    return f"{fps:g} frames/s (pose.fps)"
+
+
+def assumed_picture(size: tuple[int, int]) -> str:
+    """What the provenance says of shares of a picture whose size the file does not tell."""
+    return f"a picture of {size[0]} x {size[1]} (frame_size)"
+
+
+def check_seconds(times: np.ndarray, source: str) -> None:
+    """Refuse times, in any order, that can be no seconds: E_KEYPOINTS_TIMES."""
+    told = np.asarray(times, np.float64)
+    steps = np.diff(np.unique(told[np.isfinite(told)]))
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if usual > _LONGEST_STEP:
+        raise KeypointError(
+            f"its frames are {usual:g} s apart, which shows no movement; times are in seconds",
+            subject=source,
+            remedy="dividing milliseconds by 1000",
+            code="E_KEYPOINTS_TIMES",
+        )
 
 
 def _body(kind: str, source: str) -> Skeleton:

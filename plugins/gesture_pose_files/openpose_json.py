@@ -15,7 +15,7 @@ from gesture_core.skeletons import BODY25, skeleton
 from gesture_core.types import PoseSequence
 from gesture_pose_files.files import MAX_FRAMES, check_options, check_size, printable
 from gesture_pose_files.json_frame import read_frame
-from gesture_pose_files.layout import are_shares, scaled
+from gesture_pose_files.layout import are_shares, assumed_picture, assumed_rate
 from gesture_pose_files.people import tracks
 
 _NAME = re.compile(r"(.*)_(\d{12})_keypoints\.json", re.DOTALL)
@@ -97,12 +97,17 @@ class OpenPoseJsonReader:
             frames.append(people)
         body = skeleton(kind or BODY25.name)
         times = np.array([number for number, _ in numbered], np.float64) / self.fps
-        provenance = {"reader": "openpose-json", "times": f"frame numbers at {self.fps:g} frames/s"}
+        provenance = {
+            "reader": "openpose-json",
+            "times": f"frame numbers at {self.fps:g} frames/s",
+            "assumed": assumed_rate(self.fps),
+        }
         every = [one.keypoints for frame in frames for one in frame]
         if every and are_shares(np.stack(every)):
             size = np.array(self.frame_size, np.float32)
             frames = [[Person(one.keypoints * size, one.scores) for one in frame] for frame in frames]
-            provenance["scaled"] = scaled(self.frame_size, assumed=True)
+            provenance["scaled"] = f"shares of {self.frame_size[0]} x {self.frame_size[1]} pixels"
+            provenance["assumed"] += f", {assumed_picture(self.frame_size)}"
         return [
             PoseSequence(points, scores, times, body.name, None, person, source, provenance)
             for person, (points, scores) in enumerate(tracks(frames, len(body.joints), self.people))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -104,3 +105,15 @@ def test_sequences_of_one_file_are_told_apart_by_their_names(folder: Path) -> No
         labels="^(?P<label>[a-z]+)_",
     )
     assert summary.failed_examples == ()
+
+
+def test_what_files_do_not_say_is_counted_as_assumed(folder: Path) -> None:
+    for path in (folder / "videos" / "right.npz", folder / "examples" / "left" / "1.npz"):
+        np.savez(path, keypoints=np.load(path)["keypoints"])
+    assert run(folder).assumed == {"30 frames/s (pose.fps)": 2}
+    assert run(folder, "again", pose__fps=20.0).assumed == {"20 frames/s (pose.fps)": 2}
+    (folder / "videos" / "right.npz").unlink()
+    done = gesture(
+        "classify", folder / "videos", "--examples", folder / "examples", "--out", folder / "third"
+    )
+    assert json.loads(done.stderr.splitlines()[-1])["assumed"] == {"30 frames/s (pose.fps)": 1}

@@ -130,6 +130,7 @@ def test_what_cannot_be_used_counts_as_wrong_and_is_named(
     assert "recall" in said.out and "fold" not in said.out  # each fold is one input
     assert "left out as neither video nor keypoints: 1 file" in said.err
     assert "2 of 11 inputs count as not recognised" in said.err
+    assert "assumed for 10 keypoint files: 30 frames/s (pose.fps)" in said.err
     assert "up_D.npz" in said.err and "up_E.npy" in said.err
     tree = json.loads((out / "evaluation.json").read_text())
     assert (tree["tested"], len(tree["not_recognised"])) == (11, 2)

@@ -81,6 +81,7 @@ def test_media_pipe_shares_become_pixels_of_one_unit(tmp_path: Path) -> None:
     (sequence,) = ArrayReader().read(path)
     assert sequence.keypoints[0, 0].tolist() == [320, 240] and sequence.frame_size is None
     assert "640 x 480" in sequence.provenance["scaled"]
+    assert sequence.provenance["assumed"] == "30 frames/s (pose.fps), a picture of 640 x 480 (frame_size)"
     (wide,) = ArrayReader(frame_size=(1920, 1080)).read(path)
     assert wide.keypoints[0, 0].tolist() == [960, 540]
     (pixels,) = ArrayReader().read(save(tmp_path / "p.npy", array * [400, 400, 1, 1]))
@@ -136,6 +137,9 @@ def test_our_own_archive(tmp_path: Path) -> None:
     assert sequence.skeleton == "coco17" and sequence.frame_size == (640, 480)
     np.testing.assert_allclose(sequence.times, times)
     np.testing.assert_allclose(sequence.scores, scores.astype(np.float32))
+    assert "assumed" not in sequence.provenance, "it says everything itself"
+    np.savez(path, keypoints=points, times=times * 1000)
+    assert code_of(path) == "E_KEYPOINTS_TIMES"
     np.savez(path, keypoints=points, scores=scores[:3])
     assert code_of(path) == "E_KEYPOINTS_SHAPE"
     np.savez(path, keypoints=points, times=times[::-1])

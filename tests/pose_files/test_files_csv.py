@@ -79,6 +79,7 @@ def test_skeleton_by_joint_names_and_time_by_frame(tmp_path: Path) -> None:
     (sequence,) = CsvReader(fps=10).read(write(tmp_path / "k.csv", "\n".join(rows)))
     assert sequence.skeleton == "coco18" or sequence.skeleton == "coco17"
     np.testing.assert_allclose(sequence.times, [0.3, 0.4, 0.9])
+    assert sequence.provenance["assumed"] == "10 frames/s (pose.fps)"
     with_toes = ["left_heel_x,left_heel_y,mid_hip_x,mid_hip_y", "1,2,3,4"]
     (sequence,) = CsvReader().read(write(tmp_path / "t.csv", "\n".join(with_toes)))
     assert sequence.skeleton == "body25"
@@ -97,6 +98,12 @@ def test_people_of_a_table(tmp_path: Path) -> None:
     assert (few.person, many.person) == (0, 1) and (len(few), len(many)) == (3, 6)
 
 
+def test_a_person_who_is_seen_twice_in_a_minute_makes_no_milliseconds(tmp_path: Path) -> None:
+    rows = ["time,person,nose_x,nose_y,neck_x,neck_y"]
+    rows += [f"{t / 10},0,{t + 1},1,{t + 1},2" for t in range(600)] + ["1,1,9,9,9,9", "59,1,9,9,9,9"]
+    assert len(CsvReader(people="multi").read(write(tmp_path / "k.csv", "\n".join(rows)))) == 2
+
+
 BAD_TABLES = {
     "manifest": ("path,label\na.mp4,wave\n", "E_KEYPOINTS_FORMAT"),
     "numbers of no width": ("1,2,3\n4,5,6\n", "E_KEYPOINTS_FORMAT"),
@@ -111,6 +118,10 @@ BAD_TABLES = {
     "a name twice": ("nose_x,nose_y,neck_x,neck_y,nose_x\n1,1,1,1,1\n", "E_KEYPOINTS_FORMAT"),
     "time backwards": ("time,nose_x,nose_y,neck_x,neck_y\n1,1,1,1,1\n0,1,1,1,1\n", "E_KEYPOINTS_TIMES"),
     "time empty": ("time,nose_x,nose_y,neck_x,neck_y\n,1,1,1,1\n", "E_KEYPOINTS_TIMES"),
+    "milliseconds": (
+        "time,nose_x,nose_y,neck_x,neck_y\n0,1,1,1,1\n33,1,1,1,1\n66,1,1,1,1\n",
+        "E_KEYPOINTS_TIMES",
+    ),
     "header only": ("time,nose_x,nose_y,neck_x,neck_y\n", "E_KEYPOINTS_EMPTY"),
     "nobody": ("person,nose_x,nose_y,neck_x,neck_y\n,1,1,1,1\n", "E_KEYPOINTS_VALUE"),
     "blank": ("\n\n \n", "E_KEYPOINTS_EMPTY"),

@@ -159,7 +159,8 @@ def test_every_scale_of_openpose_is_the_same_body(
     assert not found.seen.diagonal().any()
     expected = wanted.keypoints * factor + offset * size
     np.testing.assert_allclose(found.keypoints, expected, atol=0.1)  # four digits in the file
-    assert "640 x 480 pixels assumed" in found.provenance["scaled"] and "scaled" not in wanted.provenance
+    assert found.provenance["assumed"] == "30 frames/s (pose.fps), a picture of 640 x 480 (frame_size)"
+    assert wanted.provenance["assumed"] == "30 frames/s (pose.fps)"
     (wide,) = OpenPoseJsonReader(frame_size=(1920, 1080)).read(shares)
     np.testing.assert_allclose(wide.keypoints, found.keypoints * [3, 2.25], rtol=1e-5)
 
