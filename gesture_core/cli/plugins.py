@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Annotated, Any
 
@@ -73,7 +73,7 @@ def _show(found: Registry, name: str) -> None:
         target = found.load(kind, name)
         print(f"{entry.title} of {entry.origin}: {entry.summary}\n{entry.target}\n")
         print(_documentation(target), end="\n\n")
-        options = _options(target)
+        options = _options(target, KINDS[kind].given)
         if not options:
             continue
         columns, rows = ["option", "default"], [[f"{name}.{option}", value] for option, value in options]
@@ -97,17 +97,23 @@ def _documentation(target: Any) -> str:
     return text
 
 
-def _options(target: Any) -> list[tuple[str, str]]:
-    """Options of a plugin's class with their defaults; those without one are given by the program."""
+def _options(target: Any, given: Sequence[str]) -> list[tuple[str, str]]:
+    """Options of a plugin's class with their defaults, without what is ``given`` by the program."""
     made = (
         {f.name: f.default_factory() for f in fields(target) if f.default_factory is not MISSING}
         if is_dataclass(target)
         else {}
     )
     return [
-        (parameter.name, _written(made.get(parameter.name, parameter.default)))
+        (
+            parameter.name,
+            "(required)"
+            if parameter.default is parameter.empty
+            else _written(made.get(parameter.name, parameter.default)),
+        )
         for parameter in inspect.signature(target).parameters.values()
-        if parameter.default is not parameter.empty
+        if parameter.name not in given
+        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
     ]
 
 

@@ -22,24 +22,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of plugin: its name in the registry, its hook, and its name in sentences."""
+    """A kind of plugin: its name in the registry, its hook, and its name in sentences.
+
+    ``given`` are parameters that the program fills in, so that they are no options.
+    """
 
     name: str
     hook: str
     title: str
+    given: tuple[str, ...] = ()
 
 
 KINDS: Mapping[str, Kind] = {
     kind.name: kind
     for kind in (
-        Kind("pose", "register_pose_backends", "pose backend"),
+        Kind("pose", "register_pose_backends", "pose backend", ("model",)),
         Kind("reader", "register_keypoint_readers", "keypoint reader"),
         Kind("normalizer", "register_normalizers", "normalizer"),
         Kind("filter", "register_filters", "filter"),
         Kind("selector", "register_selectors", "dimension selector"),
         Kind("kernel", "register_distance_kernels", "distance kernel"),
         Kind("writer", "register_result_writers", "result writer"),
-        Kind("engine", "register_engines", "execution engine"),
+        Kind("engine", "register_engines", "execution engine", ("workers", "limits")),
     )
 }
 
