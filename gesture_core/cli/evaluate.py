@@ -6,6 +6,7 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +16,7 @@ from gesture_core.cli import scores
 from gesture_core.cli.flags import Flags, Workers
 from gesture_core.cli.screen import counted, say_assumed
 from gesture_core.cli.targets import check_folder
-from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.errors import ConfigError, GestureError, InputError, MissingDependencyError
 
 if TYPE_CHECKING:
     from gesture_core.archive.discovery import Input
@@ -56,6 +57,7 @@ def evaluate(
     from gesture_core.classify.comparison import check_settings
     from gesture_core.classify.evaluation import answer, choose_nested, compare_all
 
+    _require("sklearn", *(["matplotlib"] if out is not None else []))
     if out is not None:
         check_folder(out)
     settings = (flags or Flags()).settings()
@@ -89,6 +91,15 @@ def evaluate(
             print(path, file=sys.stderr)
         print(f"fingerprint {mark}", file=sys.stderr)
     return 3 if any(isinstance(pose, GestureError) for pose in data.poses) else 0
+
+
+def _require(*modules: str) -> None:
+    """Say what is not installed now, and not after hours of extraction."""
+    missing = [name for name in modules if find_spec(name) is None]
+    if missing:
+        raise MissingDependencyError(
+            f"gesture evaluate needs {' and '.join(missing)}", remedy="pip install 'gesture-core[evaluate]'"
+        )
 
 
 def _grid(texts: Sequence[str]) -> list[dict[str, Any]]:
@@ -231,7 +242,7 @@ def _fingerprint(settings: Settings, identity: Mapping[str, Any], data: Labelled
     from gesture_core.archive.fingerprint import fingerprint, run_configuration
     from gesture_core.dtw.distances import choose_kernel
 
-    kernel = choose_kernel(settings.classify.kernel, settings.dtw)[0]
+    kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)[0]
     tree = run_configuration(settings, identity, [], kernel)
     labels = {n: [label, s] for n, label, s in zip(data.names, data.labels, data.subjects, strict=True)}
     return fingerprint({**tree, "labels": labels})

@@ -6,10 +6,12 @@ import csv
 import json
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from distributions import gesture, make_distribution
 
 from gesture_core.cli.main import run
 
@@ -19,8 +21,6 @@ _LENGTHS = {"A": 30, "B": 36, "C": 42}
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """<label>/<label>_<subject>.npy of three gestures by three subjects."""
-    import sys
-
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "classify"))
     from swings import swing
 
@@ -110,6 +110,51 @@ def test_a_protocol_that_does_not_fit_is_refused_before_anything_is_extracted(
         assert run(["evaluate", str(archive), *extra]) == 2
     said = capsys.readouterr().err
     assert "E_SUBJECTS" in said and "E_SPLIT" in said
+
+
+@pytest.mark.parametrize(("module", "more"), [("sklearn", []), ("matplotlib", ["--out", "scores"])])
+def test_what_is_not_installed_is_said_before_anything_is_extracted(
+    archive: Path,
+    tmp_path: Path,
+    module: str,
+    more: list[str],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setattr("gesture_core.archive.discovery.discover", None)
+    assert run(["evaluate", str(archive), "--protocol", "leave-one-out", *more]) == 1
+    said = capsys.readouterr().err
+    assert f"E_MISSING_DEPENDENCY gesture evaluate needs {module}; try: pip install" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_kernel_gets_its_options_for_the_fingerprint_too(archive: Path, tmp_path: Path) -> None:
+    site = make_distribution(
+        tmp_path / "site",
+        "needy",
+        """
+        from gesture_core import hookimpl
+        from gesture_core.dtw.vectorised import NumpyKernel
+
+        class Needy(NumpyKernel):
+            def __init__(self, power): assert power == 2
+
+        @hookimpl
+        def register_distance_kernels(register):
+            register("needy", "needy:Needy", summary="takes an option that it must have")
+        """,
+    )
+    done = gesture(
+        "evaluate", archive, "--protocol", "leave-one-out", "--kernel", "needy", "--set", "needy.power=2",
+        "--preset", "paper", "--set", "t_var=0.02", "--out", tmp_path / "scores", path=site,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "fingerprint" in json.loads((tmp_path / "scores" / "evaluation.json").read_text())
+    listed = gesture("plugins", "needy", path=site).stdout
+    assert "needy.power" in listed and "(required)" in listed
+    assert "model" not in gesture("plugins", "onnx").stdout.partition("option")[2].partition("to change")[0]
 
 
 def test_what_cannot_be_used_counts_as_wrong_and_is_named(
