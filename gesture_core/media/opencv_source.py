@@ -15,6 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gesture_core.errors import MediaError
+from gesture_core.media.elements import read_blocks
 from gesture_core.media.fragments import picture_tracks, read_chain
 from gesture_core.media.info import SQUARE, MediaInfo
 from gesture_core.media.limits import MAX_FPS
@@ -168,6 +169,8 @@ class OpenCvSource(Source):
             if chain.samples and self._tracks:
                 track, own = next(iter(self._tracks.items()))
                 declared = own + chain.samples.get(track, 0)
+        if self._format == "matroska" and (fault := read_blocks(self._file).fault):
+            self._ledger.damage(f"broken chain of elements: {fault}")
         if declared is not None:
             absent = declared - count
             if absent > 0:

@@ -125,11 +125,12 @@ def test_a_block_of_a_track_that_is_not_there_is_damage(tmp_path: Path) -> None:
     assert not video.report.complete
 
 
-def test_a_first_cluster_whose_name_is_lost_is_damage(tmp_path: Path) -> None:
+@pytest.mark.parametrize("reader", ["pyav", "opencv"])
+def test_a_first_cluster_whose_name_is_lost_is_damage(tmp_path: Path, reader: str) -> None:
     write_clip(tmp_path / "whole.mkv", "mjpeg", container_options={"cluster_time_limit": "200"})
     data = bytearray((tmp_path / "whole.mkv").read_bytes())
     data[data.index(bytes.fromhex("1f43b675"), 300) + 3] ^= 1
     (tmp_path / "lost.mkv").write_bytes(bytes(data))
-    with open_video(tmp_path / "lost.mkv", "pyav") as video:
+    with open_video(tmp_path / "lost.mkv", reader) as video:
         assert sum(1 for _ in video) < FRAMES
     assert not video.report.complete
