@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,13 +12,15 @@ from hypothesis import strategies as st
 from sklearn.linear_model import Ridge
 from swings import pose, swing
 
-from gesture_core import GestureClassifier
+from gesture_core import GestureClassifier, classify_archive
+from gesture_core.archive.run import RunSummary
 from gesture_core.classify.decide import decide
 from gesture_core.classify.evaluation import Labelled, evaluate
 from gesture_core.classify.explanation import explain
 from gesture_core.classify.library import ExampleLibrary
 from gesture_core.classify.neighbors import votes_of
 from gesture_core.classify.weighing import Weighing, learn_weights
+from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
 from gesture_core.settings import load_settings
 
@@ -248,3 +251,27 @@ def test_an_explanation_is_what_the_examples_said() -> None:
 def test_wrong_values_are_refused(text: str) -> None:
     with pytest.raises(ConfigError, match=r"classify\."):
         load_settings("modern", [text], environment={})
+
+
+def test_a_run_keeps_its_weighing_and_explains_it(
+    drawn: DemoArchive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from gesture_core.cli.explain import explain as explain_command
+
+    def run(**changes: object) -> RunSummary:
+        chosen = {"settings": "modern", "classify__kernel": "numpy", "classify__neighbors": 0, **changes}
+        return classify_archive(drawn.video_keypoints, drawn.example_keypoints, tmp_path / "run", **chosen)  # type: ignore[arg-type]
+
+    first = run()
+    row = next(row for row in first.rows() if row.status == "ok")
+    with pytest.raises(ConfigError, match="sharpness"):
+        run(classify__sharpness=2.0)
+    with pytest.raises(ConfigError, match="margin"):
+        run(classify__margin=0.1)
+    assert explain_command(tmp_path / "run", row.input, out=tmp_path / "plot.png") == 0
+    text = capsys.readouterr().out
+    assert row.margin is not None
+    assert f"what they say adds up to the margin, {row.margin:.3g}" in text
+    for name, label, distance in row.neighbors[:2]:
+        line = next(line for line in text.splitlines() if name in line)
+        assert label in line and f"{distance:.4g}" in line
