@@ -108,7 +108,14 @@ class Normalizer(Protocol):
 
 
 class Filter(Protocol):
-    """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out."""
+    """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out.
+
+    A filter that adds, drops or reorders channels does so with ``mask`` and ``present`` too: a
+    channel is salient, or there, where what it is made of is. Names tell later stages what a channel is:
+    ``left_`` and ``right_`` in front change places in a mirror, which turns what ends in ``_x`` (before
+    a ``.`` or ``@``) round; channels whose names differ only in side and axis are one part of the body
+    for ``classify.separate``. So ``left_wrist.speed`` is mirrored, ``speed_left_wrist`` is not.
+    """
 
     def apply(self, signals: Signals) -> Signals:
         """The filtered signals; the input is read-only."""

@@ -9,6 +9,11 @@ def register_normalizers(register):
 
 
 @hookimpl
+def register_filters(register):
+    register("speed", "gesture_example.speed:SpeedFilter", summary="adds how fast each joint moves")
+
+
+@hookimpl
 def register_distance_kernels(register):
     register("plain", "gesture_example.plain:PlainKernel", summary="pair by pair, for reading")
 

@@ -1,4 +1,4 @@
-"""A distance kernel in twenty lines: hard, dependent DTW with absolute cost, one pair at a time."""
+"""A distance kernel in twenty lines: hard, dependent DTW, one pair at a time."""
 
 import numpy as np
 
@@ -10,22 +10,24 @@ class PlainKernel:
 
     def supports(self, spec):
         """Whether ``spec`` is what this kernel computes."""
-        return spec == DtwSpec(mode="dependent", reduce="sum")
+        plain = DtwSpec(mode="dependent", reduce="sum", cost=spec.cost)
+        return spec == plain and spec.cost in ("absolute", "squared")
 
     def prepare(self, examples, spec):
-        """Nothing is worth preparing."""
-        return examples
+        """Nothing is worth preparing, but for what a frame costs."""
+        return examples, np.square if spec.cost == "squared" else np.abs
 
     def distances(self, state, queries):
         """(Q, N) distances."""
-        out = np.full((len(queries), len(state)), np.inf)
+        examples, cost = state
+        out = np.full((len(queries), len(examples)), np.inf)
         for q in range(len(queries)):
-            for e in range(len(state)):
-                used = (queries.masks[q] | state.masks[e]) & queries.present[q] & state.present[e]
+            for e in range(len(examples)):
+                used = (queries.masks[q] | examples.masks[e]) & queries.present[q] & examples.present[e]
                 if used.any():
                     a = queries.values[q, : queries.lengths[q], used].T
-                    b = state.values[e, : state.lengths[e], used].T
-                    out[q, e] = _warp(np.abs(a[:, None] - b[None]).sum(axis=2))
+                    b = examples.values[e, : examples.lengths[e], used].T
+                    out[q, e] = _warp(cost(a[:, None] - b[None]).sum(axis=2))
         return out
 
 
