@@ -87,7 +87,7 @@ def extract_poses(
     -------
     list of PoseSequence
         Of ``"single"``, exactly one, as long as the video (NaN where nobody was found), none for no
-        frames. Of ``"multi"``, one for each track, the longest first.
+        frames. Of ``"multi"``, one for each track, the largest sum of scores first.
 
     Raises
     ------

@@ -65,7 +65,7 @@ class Tracker:
         self._frame += 1
 
     def tracks(self) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """(first frame, keypoints (T, J, 2), scores (T, J)) of each track, the most seen first."""
+        """(first frame, keypoints (T, J, 2), scores (T, J)) of each track, the largest sum first."""
         self._close(self._frame)
         return [
             (track.first, np.stack(track.points), np.stack(track.scores))

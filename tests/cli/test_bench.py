@@ -23,7 +23,7 @@ def test_own_data_are_timed_and_the_choice_is_printed_and_recorded(
     printed = capsys.readouterr().out
     assert "4 series" in printed and "36 channels" in printed and "CPU µs / pair" in printed
     record = json.loads(out.read_text("utf-8"))
-    assert f"auto takes {record['auto']!r}" in printed
+    assert f"classify.kernel = auto takes {record['auto']!r}" in printed
     assert record["auto"] in registry().names("kernel", usable=True)
     (timing,) = record["kernels"]
     assert timing["kernel"] == "numpy" and timing["pairs"] == 16 and timing["deviation"] == 0
