@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from gesture_core.archive.assemble import broken_row, failed_row, person_rows, skipped_row
+from gesture_core.archive.assemble import PLUGIN_CODES, broken_row, failed_row, person_rows, skipped_row
 from gesture_core.archive.contradictions import contradicting_row, contradictions
 from gesture_core.archive.deciding import Arrived, Decided, Deciding, Example
 from gesture_core.archive.discovery import Input
@@ -74,6 +74,13 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             tuple(sorted(lost)),
             dict(run.assumed),
         )
+
+
+def _remedy(first: Row) -> str:
+    """What to try where no example can be used."""
+    if first.code.startswith(PLUGIN_CODES):
+        return "another version of that plugin, or settings without it"
+    return "better clips"
 
 
 def _usable(examples: Sequence[Input], failed: Sequence[Row]) -> list[Input]:
@@ -158,7 +165,7 @@ class _Run:
             raise InputError(
                 f"no example can be used; the first one: {failed[0].code} {failed[0].message}",
                 kept="the keypoints extracted so far",
-                remedy="better clips",
+                remedy=_remedy(failed[0]),
                 code="E_EXAMPLES",
             )
         deciding.fit()
