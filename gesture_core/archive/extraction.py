@@ -10,6 +10,7 @@ from gesture_core.archive.discovery import Input
 from gesture_core.archive.extractor import plugin_of
 from gesture_core.archive.fingerprint import pose_identity, pose_keys
 from gesture_core.archive.probe import require_model
+from gesture_core.archive.pruning import prune
 from gesture_core.archive.run import default_workers, keypoint_store, threads_for
 from gesture_core.archive.work import Job, Outcome, Task
 from gesture_core.errors import GestureError, PluginError
@@ -106,7 +107,7 @@ def extract_all(
     """One outcome for each of ``items``, videos and keypoint files, from an engine of their own.
 
     The parameters are those of `Extraction`; without ``identity``, it is found and the model is tried
-    first.
+    first. As after a run, the keypoint store is then brought below its limit.
     """
     if not items:
         return
@@ -118,4 +119,9 @@ def extract_all(
     with Extraction(
         settings, identity, most=len(items), workers=workers, engine=engine, on_frames=on_frames
     ) as extraction:
-        yield from extraction(items)
+        added = False
+        for outcome in extraction(items):
+            added |= bool(outcome.stored) and not outcome.cached
+            yield outcome
+    if added:
+        prune(keypoint_store(), settings.limits.cache)

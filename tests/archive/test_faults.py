@@ -15,7 +15,7 @@ import pytest
 from distributions import gesture, make_distribution, make_kernel
 from troubles import write_archive, write_clip
 
-from gesture_core import classify_archive
+from gesture_core import classify_archive, load_poses
 from gesture_core.archive.atomic import TEMPORARY
 from gesture_core.archive.discovery import discover
 from gesture_core.archive.journal import open_journal
@@ -124,6 +124,45 @@ def test_the_store_keeps_what_was_used_last(tmp_path: Path) -> None:
     assert prune(tmp_path, 0) == 1
     assert [path.stem for path in tmp_path.rglob("*.parquet")] == ["1"], "what was used today stays"
     assert prune(tmp_path / "nothing", 1) == 0
+
+
+def test_every_extraction_keeps_the_store_below_its_limit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GESTURE_CACHE", str(tmp_path / "cache"))
+    old = tmp_path / "cache" / "keypoints" / "00" / "old.parquet"
+    old.parent.mkdir(parents=True)
+    old.write_bytes(bytes(2_000_000))
+    os.utime(old, (0, 0))
+    write_clip(tmp_path / "a.npz", 40, 4)
+    assert len(load_poses(tmp_path / "a.npz", "paper", limits__cache=2)) == 1 and old.exists()
+    write_clip(tmp_path / "b.npz", 44, 4)
+    assert len(load_poses(tmp_path / "b.npz", "paper", limits__cache=1)) == 1 and not old.exists()
+
+
+def test_the_plugin_is_to_blame_where_it_makes_every_example_fail(tmp_path: Path) -> None:
+    for joint, label in ((4, "right"), (7, "left")):
+        write_clip(tmp_path / "examples" / label / "1.npz", 40, joint)
+    site = make_distribution(
+        tmp_path / "site",
+        "faulty",
+        """
+        from gesture_core import hookimpl
+
+        class Faulty:
+            def apply(self, signals): raise RuntimeError("not today")
+
+        @hookimpl
+        def register_filters(register):
+            register("faulty", "faulty:Faulty")
+        """,
+    )
+    done = gesture(
+        "classify", tmp_path / "examples", "--examples", tmp_path / "examples", "--out", tmp_path / "run",
+        "--preset", "paper", "--set", "filters=faulty", path=site,
+    )  # fmt: skip
+    assert done.returncode == 1 and "not today" in done.stderr and "faulty 1.0" in done.stderr
+    assert "try: another version of that plugin" in done.stderr
 
 
 def test_an_endless_message_is_cut() -> None:
