@@ -14,6 +14,7 @@ from gesture_core.types import PoseSequence, Prediction
 _NO_GESTURE = frozenset(
     {"E_NO_PERSON", "E_POSE_SHORT", "E_POSE_SPARSE", "E_POSE_SCALE", "E_NO_SALIENT", "E_NO_COMMON"}
 )
+_READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
 PLUGIN_CODES = ("E_PLUGIN", "E_WORKER")
 """How codes begin for which a plugin is to blame, not the input."""
 
@@ -31,7 +32,9 @@ def skipped_row(item: Input, fingerprint: str) -> Row:
 
 def broken_row(item: Input, fingerprint: str) -> Row:
     """The row of something that should be readable and is not."""
-    what = "another version of the plugin" if item.code.startswith(PLUGIN_CODES) else "repairing it"
+    what = "check what it is and its permissions" if item.code in _READING else "repairing it"
+    if item.code.startswith(PLUGIN_CODES):
+        what = "another version of the plugin"
     return Row(
         item.name,
         status="error",

@@ -76,12 +76,18 @@ def run_configuration(
     examples: Sequence[tuple[Input, str]],
     kernel: str,
 ) -> dict[str, Any]:
-    """What decides the result of a run; ``examples`` come with their content hashes."""
+    """What decides the result of a run; ``examples`` come with their content hashes.
+
+    Without a ``kernel`` nothing is compared, and only what decides the keypoints counts.
+    """
+    if not kernel:
+        pose = {"pose": settings.as_dict()["pose"]}
+        return {"settings": pose, "keypoints": dict(identity), "plugins": {}, "examples": {}}
     plugins = registry()
     chosen = settings.signals
     steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
     steps += [("filter", name.partition(":")[0]) for name in chosen.filters]
-    steps += [("kernel", kernel)] if kernel else []
+    steps += [("kernel", kernel)]
     tree = settings.as_dict()
     del tree["limits"]
     tree["classify"]["kernel"] = kernel
@@ -99,21 +105,38 @@ def fingerprint(configuration: Mapping[str, Any]) -> str:
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    """What changed between two configurations, one line each: ``key: old -> new``."""
-    before, after = dict(_leaves(old)), dict(_leaves(new))
+    """What changed between two configurations, one line each: ``key: old -> new``.
+
+    Settings come first, by the keys that ``--set`` takes; of a plugin only another version is said,
+    because a setting says that another one was chosen.
+    """
+    before, after = _said(old), _said(new)
     lines = []
     for key in sorted(before.keys() | after.keys()):
-        if before.get(key, _ABSENT) != after.get(key, _ABSENT):
-            lines.append(f"{key}: {before.get(key, '(absent)')} -> {after.get(key, '(absent)')}")
+        one, other = before.get(key, _ABSENT), after.get(key, _ABSENT)
+        if one != other and not (key[1].startswith("plugin ") and _ABSENT in (one, other)):
+            lines.append(f"{key[1]}: {one} -> {other}")
     return lines
 
 
-_ABSENT = object()
+_ABSENT = "(absent)"
 
 
-def _leaves(tree: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    if isinstance(tree, Mapping) and tree:
+def _said(configuration: Mapping[str, Any]) -> dict[tuple[int, str], Any]:
+    """What a user is told of a configuration, by rank and key."""
+    tree = dict(configuration)
+    settings, plugins, examples = (tree.pop(part, {}) for part in ("settings", "plugins", "examples"))
+    said = {(0, ".".join(path).removeprefix("options.")): value for path, value in _leaves(settings)}
+    said |= {(1, f"plugin {name}"): origin for name, origin in plugins.items()}
+    said |= {(2, " ".join(path)): value for path, value in _leaves(tree)}
+    for name, known in examples.items():
+        said[3, f"example {name}"] = f"{known['label']} ({known['sha256'][:12]})"
+    return said
+
+
+def _leaves(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    if isinstance(tree, Mapping):
         for key, value in tree.items():
-            yield from _leaves(value, f"{path} {key}".strip())
+            yield from _leaves(value, (*path, key))
     else:
         yield path, tree

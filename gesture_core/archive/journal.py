@@ -9,7 +9,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,6 +73,7 @@ class Journal:
 
     def __init__(self, folder: Path, *, create: bool = False) -> None:
         self.path = folder / FILE_NAME
+        self._writable = create
         if not create and not self.path.is_file():
             raise RunFolderError(
                 "holds no run",
@@ -117,6 +118,11 @@ class Journal:
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self._writable:
+            # One file that can be copied as it is; while somebody reads it, it stays as it was.
+            with suppress(sqlite3.Error):
+                self._db.execute("PRAGMA busy_timeout=0")
+                self._db.execute("PRAGMA journal_mode=DELETE")
         self._db.close()
 
     @contextmanager

@@ -113,7 +113,13 @@ def _labeller(labels: str, roots: Sequence[Path]) -> Callable[[Input], str | Non
     if labels.lower().endswith(".csv"):
         entries = read_manifest(Path(labels)) if Path(labels).is_file() else None
         if entries is None:
-            raise ConfigError("is no table with the columns path and label", subject=labels, code="E_LABELS")
+            there = Path(labels).is_file()
+            raise ConfigError(
+                "is no table with the columns path and label" if there else "no such file",
+                subject=labels,
+                remedy="its first line: path,label" if there else "check the path",
+                code="E_LABELS",
+            )
         table = {path.resolve(): label for path, label in entries}
         return lambda item: table.get(item.path.resolve())
     try:
@@ -121,7 +127,11 @@ def _labeller(labels: str, roots: Sequence[Path]) -> Callable[[Input], str | Non
     except re.error as error:
         raise ConfigError(f"labels {labels!r} is no regular expression: {error}", code="E_LABELS") from None
     if not pattern.groups:
-        raise ConfigError(f"labels {labels!r} has no group", remedy="(?P<label>…)", code="E_LABELS")
+        raise ConfigError(
+            f"labels {labels!r} has no group",
+            remedy="folder, a CSV file, or an expression such as '^(?P<label>[a-z]+)_'",
+            code="E_LABELS",
+        )
 
     def search(item: Input) -> str | None:
         match = search_name(pattern, item)

@@ -91,6 +91,7 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
     """
     settings = request.settings
     readers = Readers(sandbox)
+    registry().find("engine", request.engine)
     inputs = discover(request.sources, avoid=request.out, readers=readers)
     if not inputs:
         raise InputError(
@@ -206,11 +207,12 @@ def _changes(journal: Journal, configuration: Mapping[str, Any], *, overwrite: b
     if not changed or not journal.places():
         return bool(changed)
     if not overwrite:
-        lines = "\n  ".join(changed[:20]) + (f"\n  and {len(changed) - 20} more" if changed[20:] else "")
+        lines = "\n  ".join(changed[:20]) + (f"\n  … and {len(changed) - 20} more" if changed[20:] else "")
         raise ConfigError(
-            f"this folder holds a run made with other settings:\n  {lines}\n",
+            "holds a run made with other settings",
+            subject=str(journal.path.parent),
             kept="its rows and all keypoints",
-            remedy="--overwrite to classify again (keypoints are reused), or another --out",
+            remedy=f"--overwrite to begin again (keypoints are reused), or another --out\n  {lines}",
             code="E_CONFIG_CHANGED",
         )
     return True

@@ -10,7 +10,7 @@ import numpy as np
 from gesture_core.archive.hashing import settings_sha256
 from gesture_core.archive.run import keypoint_store
 from gesture_core.archive.work import Job, Task
-from gesture_core.errors import ModelError, PoseError
+from gesture_core.errors import ModelError, PoseError, RunFolderError
 from gesture_core.paths import cache_dir
 from gesture_core.plugin import registry
 from gesture_core.plugin.kinds import PoseBackend
@@ -34,10 +34,21 @@ def require_model(settings: Settings, identity: Mapping[str, Any], engine: str =
     ------
     ModelError
         Where it cannot be loaded, kills its process, or answers with anything but keypoints.
+    RunFolderError
+        ``E_STORE_WRITE`` where the cache cannot be written.
     """
     mark = cache_dir() / "probed" / settings_sha256(identity["video"])[:32]
     if mark.exists():
         return
+    try:
+        mark.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFolderError(
+            f"the cache cannot be written: {error.strerror or error}",
+            subject=str(cache_dir()),
+            remedy="its permissions, or another folder in GESTURE_CACHE",
+            code="E_STORE_WRITE",
+        ) from error
     model = find_model(settings.pose.model)
     runner = registry().make(
         "engine", engine, settings.plugin_options(engine), workers=1, limits=settings.limits
@@ -54,7 +65,6 @@ def require_model(settings: Settings, identity: Mapping[str, Any], engine: str =
                 remedy="another --model or --pose; 'gesture models' lists them",
                 code="E_MODEL_PROBE",
             )
-    mark.parent.mkdir(parents=True, exist_ok=True)
     mark.touch()
 
 

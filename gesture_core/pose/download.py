@@ -43,7 +43,7 @@ def downloaded(url: str, sha256: str, *, limit: int = MAX_BYTES, progress: bool 
             "a download needs the hash that its publisher states",
             subject=url,
             remedy="--sha256 HASH",
-            code="E_MODEL_HASH",
+            code="E_OPTION",
         )
     check_hash(sha256.lower(), sha256, url)
     if offline():

@@ -17,6 +17,7 @@ import pytest
 from distributions import gesture, make_distribution
 
 from gesture_core import classify_archive, load_poses
+from gesture_core.archive.atomic import TEMPORARY
 from gesture_core.archive.journal import open_journal
 from gesture_core.archive.lock import run_lock
 from gesture_core.archive.rows import Row
@@ -77,12 +78,36 @@ def test_other_settings_reuse_the_keypoints_and_need_a_decision(drawn: DemoArchi
     assert len(again.rows()) == 12
 
 
+def test_what_changed_is_said_in_the_words_of_the_settings(drawn: DemoArchive, tmp_path: Path) -> None:
+    classify(drawn, tmp_path / "run")
+    with pytest.raises(ConfigError) as caught:
+        classify(drawn, tmp_path / "run", signals__filters="median,center", dtw__window=0.1)
+    first, *lines = str(caught.value).split("\n")
+    assert "holds a run made with other settings" in first and "--overwrite" in first
+    assert lines == [
+        "  dtw.window: None -> 0.1",
+        "  signals.filters: ['gaussian', 'center'] -> ['median', 'center']",
+    ]
+
+
+def test_settings_that_touch_no_keypoint_change_no_extraction(drawn: DemoArchive, tmp_path: Path) -> None:
+    from gesture_core.archive.pipeline import run_archive
+    from gesture_core.archive.run import RunRequest
+    from gesture_core.settings import load_settings
+
+    for preset, done in (("paper", 12), ("modern", 0)):
+        settings = load_settings(preset, environment={})
+        request = RunRequest((str(drawn.video_keypoints),), tmp_path / "run", settings)
+        assert run_archive(request).done_now == done
+    assert not list((tmp_path / "run").glob("run.db-*")), "the database is one file"
+
+
 def test_a_new_example_changes_the_configuration(drawn: DemoArchive, tmp_path: Path) -> None:
     examples = tmp_path / "examples"
     shutil.copytree(drawn.example_keypoints, examples)
     classify_archive(drawn.video_keypoints, examples, tmp_path / "run", "paper", classify__kernel="numpy")
     shutil.copytree(drawn.video_keypoints / "clip_01", examples / "new" / "clip_01")
-    with pytest.raises(ConfigError, match=r"examples .*clip_01"):
+    with pytest.raises(ConfigError, match=r"example .*clip_01: \(absent\) -> new"):
         classify_archive(drawn.video_keypoints, examples, tmp_path / "run", "paper", classify__kernel="numpy")
 
 
@@ -233,7 +258,8 @@ def test_a_killed_run_resumes_to_the_same_table(drawn: DemoArchive, tmp_path: Pa
             process.wait()
     subprocess.run(command, env=environment, check=True, capture_output=True)
     assert canonical(out) == clean
-    assert len(list((tmp_path / "cache").rglob("*.parquet"))) == 18
+    whole = [path for path in (tmp_path / "cache").rglob("*.parquet") if TEMPORARY not in path.name]
+    assert len(whole) == 18, "what a killed run was writing has another name"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")

@@ -263,7 +263,7 @@ def test_a_download_is_asked_for_hashed_and_complete(
     pytest.importorskip("pooch")
     path = dot_network(tmp_path / "site" / "dots.onnx")
     url = f"{server}/dots.onnx"
-    assert run(["models", "add", url]) == 1 and "--sha256" in capsys.readouterr().err
+    assert run(["models", "add", url]) == 2 and "--sha256" in capsys.readouterr().err
     assert run(["models", "add", url, "--sha256", "0" * 64]) == 1
     assert "E_MODEL_HASH" in capsys.readouterr().err and everything(models) == []
     assert run(["models", "add", f"{server}/none.onnx", "--sha256", sha(path)]) == 1
