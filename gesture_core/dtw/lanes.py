@@ -105,11 +105,12 @@ class Prepared:
 
 
 def warping_dtype(dtype: np.dtype, spec: DtwSpec) -> np.dtype:
-    """In which precision distances of a batch are accumulated: soft ones always in float64.
+    """In which precision distances of a batch are accumulated: soft ones and their gradients in float64.
 
     A soft distance is a sum of costs less ``gamma`` times the logarithm of a number of paths. Both
     grow with the length and may cancel: the condition number, their sum over the distance,
-    has no bound, and float32 loses what cancels.
+    has no bound, and float32 loses what cancels. Gradients weigh paths by differences of such
+    sums, divided by ``gamma``.
     """
     return np.dtype(np.float64) if spec.gamma is not None else dtype
 
@@ -203,7 +204,7 @@ class LaneKernel(ABC):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Soft distances, and the gradients of their sum weighted by ``weights`` (Q, N).
 
-        All in the dtype of the batches; `distances` are more exact.
+        Accumulated as `warping_dtype` says, then in the dtype of the batches.
 
         Returns
         -------
@@ -223,7 +224,7 @@ class LaneKernel(ABC):
             for tile in self._tiles(series.lengths[qi[pair]], examples.lengths[ei[pair]], spec, series):
                 rows = pair[tile]
                 chosen = None if dimension is None else dimension[tile]
-                dtype = examples.frames.dtype
+                dtype = warping_dtype(examples.frames.dtype, spec)
                 lanes = _gather(series, examples, qi[rows], ei[rows], chosen, use[rows], spec, dtype)
                 value, *slope = self.warp_gradients(lanes)
                 np.add.at(values, (qi[rows], ei[rows]), value * factor[rows])

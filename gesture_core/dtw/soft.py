@@ -115,6 +115,9 @@ def lane_gradients(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values and gradients of P soft warpings: Cuturi and Blondel's recursions, cell by cell.
 
+    The second one in the shares that each cell's soft minimum gives to its three predecessors: unlike
+    the exponential of a difference of accumulated costs, they do not lose what cancels.
+
     Parameters
     ----------
     x, y : (n_max, C, P) and (m_max, C, P) float
@@ -122,6 +125,7 @@ def lane_gradients(
     cells : (n_max, m_max, P) bool
         Cells inside each lane's band and lengths.
     gamma : (P,) float
+    cost : str
 
     Returns
     -------
@@ -133,29 +137,26 @@ def lane_gradients(
     local = np.sqrt(local) if cost == "euclidean" else local
     table = np.full((rows + 1, columns + 1, lanes), np.inf)
     table[0, 0] = 0
+    shares = np.zeros((rows, columns, 3, lanes))
     for i in range(rows):
         for j in range(columns):
             three = np.stack([table[i, j + 1], table[i + 1, j], table[i, j]])
             least = three.min(axis=0)
-            shift = np.where(np.isinf(least), 0, least)
-            with np.errstate(divide="ignore"):
-                soft = shift - gamma * np.log(np.exp((shift - three) / gamma).sum(axis=0))
-            table[i + 1, j + 1] = np.where(cells[i, j] & np.isfinite(least), local[i, j] + soft, np.inf)
-    # How much each cell's value moves the lane's: one at its end, else what its successors pass on.
-    moved = np.zeros((rows + 1, columns + 1, lanes))
-    finite = np.isfinite(table)
+            open_ = cells[i, j] & np.isfinite(least)
+            with np.errstate(over="ignore", invalid="ignore"):
+                parts = np.exp(np.where(open_, (least - three) / gamma, 0))
+            whole = parts.sum(axis=0)
+            table[i + 1, j + 1] = np.where(open_, local[i, j] + least - gamma * np.log(whole), np.inf)
+            shares[i, j] = np.where(open_, parts / whole, 0)
+    # How much each cell's value moves the lane's: one at its end, else what its successors hand on.
+    moved = np.zeros_like(table)
+    moved[n, m, np.arange(lanes)] = 1
     for i in reversed(range(rows)):
         for j in reversed(range(columns)):
-            total = ((n == i + 1) & (m == j + 1)).astype(float)
-            for a, b in ((i + 1, j), (i, j + 1), (i + 1, j + 1)):
-                if a < rows and b < columns:
-                    both = finite[a + 1, b + 1] & finite[i + 1, j + 1]
-                    with np.errstate(invalid="ignore"):
-                        gap = table[a + 1, b + 1] - local[a, b] - table[i + 1, j + 1]
-                    total += moved[a, b] * np.exp(np.where(both, gap, -np.inf) / gamma)
-            moved[i, j] = total
-    moved = moved[:rows, :columns]
-    slope = _slope(difference, local, cost) * moved[:, :, None]
+            given = moved[i + 1, j + 1] * shares[i, j]
+            for (a, b), part in zip(((i, j + 1), (i + 1, j), (i, j)), given, strict=True):
+                moved[a, b] += part
+    slope = _slope(difference, local, cost) * moved[1:, 1:, None]
     return table[n, m, np.arange(lanes)], slope.sum(axis=1), -slope.sum(axis=0)
 
 

@@ -34,6 +34,21 @@ def soft_least(up: Any, left: Any, diagonal: Any, gamma: Any, sharpness: Any) ->
     return first - gamma * log_one_plus(rest)
 
 
+@njit(inline="always")
+def soft_shares(up: Any, left: Any, diagonal: Any, gamma: Any, sharpness: Any) -> Any:
+    """`soft_least`, and the shares of it that ``up`` and ``left`` have: its derivatives."""
+    low, high = min(up, left), max(up, left)
+    first, second, third = min(low, diagonal), max(low, min(high, diagonal)), max(high, diagonal)
+    of_second = exp_negative((first - second) * sharpness)
+    of_third = exp_negative((first - third) * sharpness)
+    one = gamma / gamma
+    rest = of_second + of_third
+    whole = one / (one + rest)
+    of_up = one if up == first else (of_second if up == second else of_third)
+    of_left = one if left == first else (of_second if left == second else of_third)
+    return first - gamma * log_one_plus(rest), of_up * whole, of_left * whole
+
+
 def exp_negative(x: Any) -> Any:
     """The exponential of a number that is not positive."""
     raise NotImplementedError("compiled code only")

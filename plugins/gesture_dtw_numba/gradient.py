@@ -1,4 +1,10 @@
-"""Soft-DTW values and gradients of many lanes, by Cuturi and Blondel's two recursions."""
+"""Soft-DTW values and gradients of many lanes, by Cuturi and Blondel's two recursions.
+
+The forward pass keeps the share of each cell's soft minimum that two of its predecessors have; the
+third has what is left of one. Shares come from differences of neighbours, so the backward pass, which
+only multiplies and adds, loses nothing however long the series or small the softness. (The textbook form,
+the exponential of the difference of three accumulated costs, loses what cancels.)
+"""
 
 from __future__ import annotations
 
@@ -9,8 +15,11 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from gesture_dtw_numba.cells import exp_negative, soft_least
+from gesture_dtw_numba.cells import soft_shares
 from gesture_dtw_numba.compiled import LANES, compiled, sources
+
+LOCAL, LEFT, CORNER, MOVED, GAMMA, SHARPNESS = range(6)
+"""Rows of `layout.GradientRoom.work`."""
 
 
 @cache
@@ -18,113 +27,109 @@ def compiled_gradients() -> Callable[..., int]:
     """The compiled function; it returns the checksum of the code that it was compiled from."""
     version = sources()
 
-    def gradients(
-        x: Any,
-        y: Any,
-        n: Any,
-        m: Any,
-        low: Any,
-        high: Any,
-        gamma: Any,
-        squared: Any,
-        euclidean: Any,
-        room: Any,
-    ) -> int:
-        """Values into ``room[0]`` (LANES,), gradients into the next two, (n, C, LANES) and (m, C, LANES).
-
-        ``room`` goes on with local costs (n, m, LANES), the table and the moved weights, both
-        (n + 1, m + 1, LANES), and the border value.
-        """
-        values, of_x, of_y, local, table, moved, border = room
-        _forward(x, y, low, high, gamma, squared, euclidean, local, table, border)
-        for lane in range(LANES):
-            values[lane] = table[n[lane], m[lane], lane]
-        _backward(n, m, gamma, local, table, moved)
-        _pull(x, y, squared, euclidean, local, moved, of_x, of_y)
+    def gradients(x: Any, y: Any, n: Any, m: Any, low: Any, high: Any, rule: Any, room: Any) -> int:
+        """Fill ``values``, ``of_x`` and ``of_y`` of ``room`` from (n, C, LANES) and (m, C, LANES)."""
+        _forward(x, y, n, m, low, high, rule, room)
+        _backward(x, y, n, m, rule, room)
         return version
 
     return compiled(gradients)
 
 
 @njit(nogil=True, error_model="numpy")
-def _forward(
-    x: Any,
-    y: Any,
-    low: Any,
-    high: Any,
-    gamma: Any,
-    squared: Any,
-    euclidean: Any,
-    local: Any,
-    table: Any,
-    border: Any,
-) -> None:
-    rows, columns = len(x), len(y)
-    one = x.dtype.type(1)
+def _local_costs(frame: Any, y: Any, rule: Any, local: Any) -> None:
+    """The costs of two frames (C, LANES), over all dimensions in their order."""
     local[:] = 0
-    table[:] = border
-    table[0, 0] = 0
-    for i in range(rows):
-        for j in range(columns):
-            here = local[i, j]
-            for c in range(x.shape[1]):
-                for lane in range(LANES):
-                    d = abs(x[i, c, lane] - y[j, c, lane])
-                    here[lane] += d * d if squared else d
-            if euclidean:
-                for lane in range(LANES):
-                    here[lane] = np.sqrt(here[lane])
-            above, own = table[i], table[i + 1]
-            for lane in range(LANES):
-                best = soft_least(
-                    above[j + 1, lane], own[j, lane], above[j, lane], gamma[lane], one / gamma[lane]
-                )
-                own[j + 1, lane] = here[lane] + best
+    for c in range(len(frame)):
+        for lane in range(LANES):
+            d = abs(frame[c, lane] - y[c, lane])
+            local[lane] += d * d if rule.squared else d
+    if rule.euclidean:
+        for lane in range(LANES):
+            local[lane] = np.sqrt(local[lane])
+
+
+@njit(nogil=True, error_model="numpy")
+def _forward(x: Any, y: Any, n: Any, m: Any, low: Any, high: Any, rule: Any, room: Any) -> None:
+    # One row, of which what lies left of the current cell is the next row's already.
+    row, work, shares, border = room.row, room.work, room.shares, room.border
+    row[:] = border
+    for i in range(len(x)):
+        work[LEFT] = border
+        work[CORNER] = 0 if i == 0 else border
+        for j in range(len(y)):
+            _local_costs(x[i], y[j], rule, work[LOCAL])
+            _cell(row[j], shares[i, j], work)
             if low is not None:
                 for lane in range(LANES):
                     if not low[i, lane] <= j < high[i, lane]:
-                        own[j + 1, lane] = border
+                        work[LEFT, lane] = border
+                        row[j, lane] = border
+        for lane in range(LANES):
+            if n[lane] == i + 1:
+                room.values[lane] = row[m[lane] - 1, lane]
+
+
+# Loops over lanes are functions of few arrays: in a larger one the compiler leaves them scalar.
+@njit(nogil=True, error_model="numpy")
+def _cell(own: Any, share: Any, work: Any) -> None:
+    """The next cell of a row, which holds the cell above it."""
+    for lane in range(LANES):
+        up = own[lane]
+        best, of_up, of_left = soft_shares(
+            up, work[LEFT, lane], work[CORNER, lane], work[GAMMA, lane], work[SHARPNESS, lane]
+        )
+        share[0, lane] = of_up
+        share[1, lane] = of_left
+        work[CORNER, lane] = up
+        work[LEFT, lane] = work[LOCAL, lane] + best
+        own[lane] = work[LEFT, lane]
 
 
 @njit(nogil=True, error_model="numpy")
-def _backward(n: Any, m: Any, gamma: Any, local: Any, table: Any, moved: Any) -> None:
-    """How much each cell's value moves its lane's: one at the end, else what successors pass on."""
-    rows, columns = local.shape[0], local.shape[1]
-    zero = table.dtype.type(0)
-    moved[:] = 0
-    for i in range(rows - 1, -1, -1):
-        for j in range(columns - 1, -1, -1):
-            total, own = moved[i, j], table[i + 1, j + 1]
-            for step in range(3):
-                a, b = i + (step != 1), j + (step != 0)
-                if a < rows and b < columns:
-                    weight, value, cost = moved[a, b], table[a + 1, b + 1], local[a, b]
-                    for lane in range(LANES):
-                        gap = min((value[lane] - cost[lane] - own[lane]) / gamma[lane], zero)
-                        total[lane] += weight[lane] * exp_negative(gap)
-            for lane in range(LANES):
-                if n[lane] == i + 1 and m[lane] == j + 1:
-                    total[lane] = 1
-
-
-@njit(nogil=True, error_model="numpy")
-def _pull(x: Any, y: Any, squared: Any, euclidean: Any, local: Any, moved: Any, of_x: Any, of_y: Any) -> None:
-    """From cells to frames; zero where a cost has a kink."""
+def _backward(x: Any, y: Any, n: Any, m: Any, rule: Any, room: Any) -> None:
+    """How much each cell moves its lane's value, one at the end, handed on by shares and to the frames."""
+    row, work, shares, of_x, of_y = room.row, room.work, room.shares, room.of_x, room.of_y
     of_x[:] = 0
     of_y[:] = 0
-    for i in range(len(x)):
-        for j in range(len(y)):
-            weight, cost = moved[i, j], local[i, j]
+    row[:] = 0
+    for i in range(len(x) - 1, -1, -1):
+        for lane in range(LANES):
+            if n[lane] == i + 1:
+                row[m[lane] - 1, lane] = 1
+        work[LEFT] = 0
+        work[CORNER] = 0
+        for j in range(len(y) - 1, -1, -1):
+            _hand_on(row[j], shares[i, j], work)
+            if rule.euclidean:
+                _local_costs(x[i], y[j], rule, work[LOCAL])
             for c in range(x.shape[1]):
-                a, b, left, right = x[i, c], y[j, c], of_x[i, c], of_y[j, c]
-                for lane in range(LANES):
-                    d = a[lane] - b[lane]
-                    if euclidean:
-                        slope = d / cost[lane] if cost[lane] > 0 else cost[lane]
-                    elif squared:
-                        slope = d + d
-                    else:
-                        slope = np.sign(d)
-                    slope *= weight[lane]
-                    left[lane] += slope
-                    right[lane] -= slope
+                _pull(x[i, c], y[j, c], rule, work, of_x[i, c], of_y[j, c])
+
+
+@njit(nogil=True, error_model="numpy")
+def _hand_on(own: Any, share: Any, work: Any) -> None:
+    """Give what a cell moves to the three before it; ``own`` holds its part from the row below."""
+    for lane in range(LANES):
+        moved = own[lane] + work[LEFT, lane]
+        up, left = moved * share[0, lane], moved * share[1, lane]
+        own[lane] = up + work[CORNER, lane]
+        work[LEFT, lane] = left
+        work[CORNER, lane] = moved - up - left
+        work[MOVED, lane] = moved
+
+
+@njit(nogil=True, error_model="numpy")
+def _pull(x: Any, y: Any, rule: Any, work: Any, of_x: Any, of_y: Any) -> None:
+    """From a cell to one dimension of its two frames; zero where a cost has a kink."""
+    for lane in range(LANES):
+        d = x[lane] - y[lane]
+        if rule.euclidean:
+            slope = d / work[LOCAL, lane] if work[LOCAL, lane] > 0 else work[LOCAL, lane]
+        elif rule.squared:
+            slope = d + d
+        else:
+            slope = np.sign(d)
+        slope *= work[MOVED, lane]
+        of_x[lane] += slope
+        of_y[lane] -= slope

@@ -19,6 +19,7 @@ from gesture_dtw_numba.compiled import LANES
 from gesture_dtw_numba.gradient import compiled_gradients
 from gesture_dtw_numba.layout import (
     Batch,
+    CostRule,
     make_bands,
     make_batch,
     make_costs,
@@ -188,13 +189,14 @@ class GradientLanes(LaneKernel):
         assert lanes.gamma is not None
         x, y, gamma = (_widen(part, 0 if part.ndim > 1 else 1) for part in (lanes.x, lanes.y, lanes.gamma))
         n, m = _widen(lanes.n, 1), _widen(lanes.m, 1)
+        rule = CostRule(lanes.cost != "absolute", lanes.cost == "euclidean")
         low = high = None
         if lanes.low is not None and lanes.high is not None:
             low, high = _widen(lanes.low, 0), _widen(lanes.high, 0)
-        room = make_gradient_room(x, y)
-        rule = (lanes.cost != "absolute", lanes.cost == "euclidean")
-        compiled_gradients()(x, y, n, m, low, high, gamma, *rule, room)
-        return tuple(part[..., : len(lanes)] for part in room[:3])
+        room = make_gradient_room(x, y, gamma)
+        compiled_gradients()(x, y, n, m, low, high, rule, room)
+        count = len(lanes)
+        return room.values[:count], room.of_x[..., :count], room.of_y[..., :count]
 
 
 def _widen(array: np.ndarray, fill: int) -> np.ndarray:

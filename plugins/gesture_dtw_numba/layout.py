@@ -42,6 +42,13 @@ class Rule(NamedTuple):
     root: bool
 
 
+class CostRule(NamedTuple):
+    """The part of a `Rule` that says what two frames cost."""
+
+    squared: bool
+    euclidean: bool
+
+
 class Bands(NamedTuple):
     """The band of every combination of lengths, end to end.
 
@@ -106,6 +113,32 @@ class Room(NamedTuple):
     high: np.ndarray
     limit: np.ndarray
     far: float
+    border: float
+
+
+class GradientRoom(NamedTuple):
+    """What gradients are written to, and what they are worked out in.
+
+    Attributes
+    ----------
+    values : (LANES,) float
+    of_x, of_y : (n, C, LANES) and (m, C, LANES) float
+    shares : (n, m, 2, LANES) float
+        What each cell's soft minimum owes to the cells above and to the left.
+    row : (m, LANES) float
+        One row of the table.
+    work : (6, LANES) float
+        One array, so that the compiler need not prove that several do not overlap.
+    border : float
+        `unreached`.
+    """
+
+    values: np.ndarray
+    of_x: np.ndarray
+    of_y: np.ndarray
+    shares: np.ndarray
+    row: np.ndarray
+    work: np.ndarray
     border: float
 
 
@@ -175,18 +208,20 @@ def make_room(rows: int, columns: int, width: int, banded: bool, dtype: np.dtype
     )
 
 
-def make_gradient_room(x: np.ndarray, y: np.ndarray) -> tuple:
+def make_gradient_room(x: np.ndarray, y: np.ndarray, gamma: np.ndarray) -> GradientRoom:
     """What `gradient.compiled_gradients` fills and works in, for (n, C, LANES) and (m, C, LANES)."""
-    rows, columns, dtype = len(x), len(y), x.dtype
-    return (
+    dtype = x.dtype
+    room = GradientRoom(
         _aligned((LANES,), dtype),
         np.empty_like(x),
         np.empty_like(y),
-        _aligned((rows, columns, LANES), dtype),
-        _aligned((rows + 1, columns + 1, LANES), dtype),
-        _aligned((rows + 1, columns + 1, LANES), dtype),
+        _aligned((len(x), len(y), 2, LANES), dtype),
+        _aligned((len(y), LANES), dtype),
+        _aligned((6, LANES), dtype),
         dtype.type(unreached(dtype)),
     )
+    room.work[4], room.work[5] = gamma, 1 / gamma
+    return room
 
 
 def make_costs(width: int, dtype: np.dtype) -> Costs:

@@ -146,6 +146,14 @@ def soft_least(up: Tensor, left: Tensor, diagonal: Tensor, gamma: Tensor) -> Ten
     return least - gamma * total.log_()
 
 
+def soft_shares(up: Tensor, left: Tensor, diagonal: Tensor, gamma: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """The derivatives of `soft_least`: what it owes to each of the three; together one."""
+    least = torch.minimum(torch.minimum(up, left), diagonal)
+    parts = tuple(((least - value) / gamma).exp_() for value in (up, left, diagonal))
+    whole = parts[0] + parts[1] + parts[2]
+    return parts[0] / whole, parts[1] / whole, parts[2] / whole
+
+
 def _forbid(now: Tensor, k: int, first: int, stop: int, band: Band | None) -> None:
     """Put the border value into the diagonal's cells outside the band."""
     if band is not None:

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from gesture_dtw_torch.diagonals import Band, border_value, diagonals, local_costs, soft_diagonals
+from gesture_dtw_torch.diagonals import Band, border_value, diagonals, soft_diagonals, soft_shares
 
 
 def soft_dtw(x: Tensor, y: Tensor, gamma: float = 1.0, cost: str = "squared") -> Tensor:
@@ -23,6 +23,7 @@ def soft_dtw(x: Tensor, y: Tensor, gamma: float = 1.0, cost: str = "squared") ->
     Returns
     -------
     (P,) tensor
+        Values and gradients in the dtype of the series, accumulated in float64.
     """
     pairs = len(x)
     n, m = (torch.full((pairs,), side.shape[1], device=x.device) for side in (x, y))
@@ -31,54 +32,56 @@ def soft_dtw(x: Tensor, y: Tensor, gamma: float = 1.0, cost: str = "squared") ->
 
 
 class SoftLanes(torch.autograd.Function):
-    """Soft accumulated costs of lanes; the backward pass is Cuturi and Blondel's second recursion."""
+    """Soft accumulated costs of lanes; the backward pass is Cuturi and Blondel's second recursion.
+
+    In float64 whatever the dtype of the series: paths are weighed by differences of accumulated
+    costs. The recursion hands on the shares that each cell's soft minimum gives to its predecessors.
+    """
 
     @staticmethod
     def forward(
         context: Any, x: Tensor, y: Tensor, n: Tensor, m: Tensor, band: Band | None, gamma: Tensor, cost: str
     ) -> Tensor:
         """(P,) values of (n_max, C, P) with (m_max, C, P)."""
-        values, table = soft_diagonals(x, y, n, m, band, gamma, cost, keep=True)
+        exact = x.double(), y.double(), n, m, band, gamma.double(), cost
+        values, table = soft_diagonals(*exact, keep=True)
         context.save_for_backward(x, y, n, m, gamma, table)
         context.cost = cost
-        return values
+        return values.to(x.dtype)
 
     @staticmethod
     def backward(context: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
         """Gradients with respect to x and y."""
         x, y, n, m, gamma, table = context.saved_tensors
+        dtype, x, y, gamma = x.dtype, x.double(), y.double(), gamma.double()
         rows, columns, lanes = len(x), len(y), x.shape[2]
         flipped = y.flip(0)
         of_x, of_flipped = torch.zeros_like(x), torch.zeros_like(y)
-        # Row i of a diagonal lies at i + 1 in the table, and at i in the arrays of this pass.
-        nothing = x.new_zeros((rows + 1, lanes))
-        moved, later = nothing, nothing  # of diagonals k + 1 and k + 2
-        inner = x.new_full((rows + 1, lanes), border_value(x))
-        after, beyond = inner, inner  # their values less their own local costs
+        # As in the table, row i of a diagonal lies at i + 1; row 0 takes what goes to the border.
+        moved, before, beyond = (x.new_zeros((rows + 1, lanes)) for _ in range(3))
+        start = x.new_full((2, rows + 1, lanes), border_value(x))
+        start[0, 0] = 0
         for k, first, stop, window in reversed(list(diagonals(rows, columns))):
-            own = table[k, first + 1 : stop + 1]
-            total = (
-                (torch.arange(first, stop, device=x.device)[:, None] == n - 1) & (n + m - 2 == k)
-            ) * upstream
-            for weight, value, shift in ((moved, after, 1), (moved, after, 0), (later, beyond, 1)):
-                part = slice(first + shift, stop + shift)
-                total = total + weight[part] * torch.exp(((value[part] - own) / gamma).clamp_(max=0))
+            last, earlier = (table[k - step] if k >= step else start[k - step + 2] for step in (1, 2))
+            ends = (torch.arange(first, stop, device=x.device)[:, None] == n - 1) & (n + m - 2 == k)
+            total = moved[first + 1 : stop + 1] + ends * upstream
+            parts = soft_shares(last[first:stop], last[first + 1 : stop + 1], earlier[first:stop], gamma)
+            before[first:stop] += total * parts[0]
+            before[first + 1 : stop + 1] += total * parts[1]
+            beyond[first:stop] += total * parts[2]
             x_part, y_part = x[first:stop], flipped[window]
-            cost = local_costs(x_part, y_part, context.cost)
-            slope = _slope(x_part - y_part, cost, context.cost) * total[:, None]
+            slope = _slope(x_part - y_part, context.cost) * total[:, None]
             of_x[first:stop] += slope
             of_flipped[window] -= slope
-            later, beyond = moved, after
-            moved, after = nothing.clone(), inner.clone()
-            moved[first:stop], after[first:stop] = total, own - cost
-        return of_x, of_flipped.flip(0), None, None, None, None, None
+            moved, before, beyond = before, beyond, moved.zero_()
+        return of_x.to(dtype), of_flipped.flip(0).to(dtype), None, None, None, None, None
 
 
-def _slope(difference: Tensor, local: Tensor, cost: str) -> Tensor:
+def _slope(difference: Tensor, cost: str) -> Tensor:
     """(K, C, P) derivative of the local cost; zero where a cost has a kink."""
     if cost == "absolute":
         return torch.sign(difference)
     if cost == "squared":
         return 2 * difference
-    safe = torch.where(local > 0, local, torch.ones_like(local))
-    return torch.where(local[:, None] > 0, difference / safe[:, None], torch.zeros_like(difference))
+    local = difference.square().sum(1, keepdim=True).sqrt_()
+    return difference / local.masked_fill_(local == 0, 1)

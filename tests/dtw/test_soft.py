@@ -12,6 +12,9 @@ from gesture_core.dtw.reference import local_costs, reference_distance
 from gesture_core.dtw.soft import soft_divergence, soft_gradients
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
+from gesture_core.plugin import registry
+
+SOFT_KERNELS = [name for name in registry().names("kernel", usable=True) if name != "fastdtw"]
 
 
 def bumps(count: int = 5) -> list[np.ndarray]:
@@ -60,6 +63,34 @@ def test_divergence(gamma: float) -> None:
     table = soft_divergence(series, series, spec)
     assert np.abs(np.diag(table)).max() < 1e-9
     assert (table > -1e-9).all() and np.allclose(table, table.T, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", SOFT_KERNELS)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("gamma", [1e-300, 1e-13, 1e-6])
+def test_hardly_soft_gradients_are_those_of_the_hard_path(name: str, dtype: type, gamma: float) -> None:
+    rng = np.random.default_rng(3)
+    x, y = (np.cumsum(rng.normal(size=(n, 2)), axis=0).astype(dtype) for n in (40, 47))
+    path = warping_path(x, y, DBA)
+    of_x, of_y = np.zeros((40, 2)), np.zeros((47, 2))
+    slope = 2 * (x[path[:, 0]].astype(np.float64) - y[path[:, 1]])
+    np.add.at(of_x, path[:, 0], slope)
+    np.add.at(of_y, path[:, 1], -slope)
+    found = soft_gradients([x], [y], DBA.replace(gamma=gamma), kernel=name)
+    accuracy = {"rtol": 0, "atol": np.abs(slope).max() * 4 * np.finfo(dtype).eps}
+    np.testing.assert_allclose(found.queries[0], of_x, **accuracy)
+    np.testing.assert_allclose(found.examples[0], of_y, **accuracy)
+
+
+@pytest.mark.parametrize("gamma", [0.01, 1.0])
+def test_single_precision_gradients_of_long_series(gamma: float) -> None:
+    rng = np.random.default_rng(1)
+    x, y = (np.cumsum(rng.normal(size=(300, 3)), axis=0).astype(np.float32) for _ in range(2))
+    spec = DBA.replace(gamma=gamma)
+    single, double = (soft_gradients([x.astype(d)], [y.astype(d)], spec) for d in (np.float32, np.float64))
+    assert single.queries[0].dtype == np.float32
+    largest = np.abs(double.queries[0]).max()
+    assert np.abs(single.queries[0] - double.queries[0]).max() < 1e-6 * largest
 
 
 def test_gradients_need_softness() -> None:
