@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -95,10 +95,13 @@ class Decider:
         self.labels.append(example.label)
         self.names.append(example.name)
 
-    def fit(self) -> None:
-        """All examples are there; a PluginError where the kernel fails at what they need."""
+    def fit(self, alive: Callable[[], None] = lambda: None) -> None:
+        """All examples are there; a PluginError where the kernel fails at what they need.
+
+        ``alive`` is called while they are compared with each other.
+        """
         try:
-            self._classifier.fit(self.signals, self.labels, self.names)
+            self._classifier.fit(self.signals, self.labels, self.names, alive=alive)
         except GestureError:
             raise
         except (Exception, SystemExit) as error:

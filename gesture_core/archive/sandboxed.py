@@ -51,7 +51,7 @@ class _Sandboxed:
         self._ready.add(known, people)
 
     def fit(self, alive: Callable[[], None]) -> None:
-        self._ready.fit()
+        self._ready.fit(alive)
 
     def predict(self, alive: Callable[[], None], batch: Sequence[tuple[str, str]]) -> list[list[Any]]:
         """The predictions for everybody in each of the stored files."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from inspect import signature
 from typing import Any
@@ -89,9 +89,17 @@ class GestureClassifier:
         self.rejected_label = rejected_label
 
     def fit(
-        self, X: Sequence[Item], y: Sequence[object], names: Sequence[str] | None = None
+        self,
+        X: Sequence[Item],
+        y: Sequence[object],
+        names: Sequence[str] | None = None,
+        *,
+        alive: Callable[[], None] = lambda: None,
     ) -> GestureClassifier:
         """Keep ``X`` as examples with the labels ``y``.
+
+        Where all examples decide, or a threshold or representatives are asked for, every example is
+        compared with every other one; ``alive`` is called while that goes on.
 
         Raises
         ------
@@ -111,7 +119,7 @@ class GestureClassifier:
         self.thresholds_: np.ndarray | None = None
         self.weighing_: Weighing | None = None
         if settings.classify.representative or calibrated or self._k() == 0:
-            within = self._distances(library.series, library.series)
+            within = self._among(library.series, alive)
             if calibrated:
                 sd = settings.classify.reject_sd
                 codes, count = library.codes, len(library.classes)
@@ -268,6 +276,16 @@ class GestureClassifier:
         self, queries: Sequence[Signals | np.ndarray], examples: Sequence[Signals | np.ndarray]
     ) -> np.ndarray:
         return compare(queries, examples, self._settings())
+
+    def _among(
+        self, series: Sequence[Signals | np.ndarray], alive: Callable[[], None], rows: int = 64
+    ) -> np.ndarray:
+        """(N, N) distances among the examples, some rows at a time."""
+        blocks = []
+        for start in range(0, len(series), rows):
+            blocks.append(self._distances(series[start : start + rows], series))
+            alive()
+        return np.concatenate(blocks)
 
     def _check_fitted(self) -> None:
         if not hasattr(self, "library_"):

@@ -194,6 +194,20 @@ def test_the_classifier_lets_all_examples_decide() -> None:
     assert GestureClassifier(ALL, n_neighbors=1).fit(poses, labels).weighing_ is None
 
 
+def test_a_large_library_says_that_it_is_alive() -> None:
+    poses, labels, _ = gestures(0, 3)
+    signs: list[int] = []
+    whole = GestureClassifier(ALL).fit(poses, labels)
+    model = GestureClassifier(ALL).fit(poses, labels, alive=lambda: signs.append(1))
+    assert signs == [1]
+    among = model._among(model.library_.series, lambda: signs.append(2), rows=4)
+    assert signs == [1, 2, 2, 2]
+    np.testing.assert_allclose(among, model.distances(poses), rtol=1e-5, atol=1e-7)
+    assert whole.weighing_ is not None
+    assert model.weighing_ is not None
+    np.testing.assert_array_equal(model.weighing_.weights, whole.weighing_.weights)
+
+
 def test_a_small_margin_gives_no_label() -> None:
     poses, labels, _ = gestures(0, 3)
     queries, _, _ = gestures(1, 2)
