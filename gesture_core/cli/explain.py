@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter, validators
 
 from gesture_core.cli.screen import counted, print_table, visible
 from gesture_core.cli.targets import check_file
@@ -25,7 +27,12 @@ if TYPE_CHECKING:
     from gesture_core.types import PoseSequence, Signals
 
 
-def explain(run: Path, input: str, /, *, person: int = 0, out: Path | None = None, channels: int = 4) -> int:
+Channels = Annotated[int, Parameter(validator=validators.Number(gte=1))]
+
+
+def explain(
+    run: Path, input: str, /, *, person: int = 0, out: Path | None = None, channels: Channels = 4
+) -> int:
     """Show why an input of a run got its label: channels, their costs, both warpings.
 
     Parameters
@@ -39,7 +46,7 @@ def explain(run: Path, input: str, /, *, person: int = 0, out: Path | None = Non
     out
         PNG file of the plot; explain-<input>.png in the run folder by default.
     channels
-        How many channels to draw and to list.
+        How many channels to draw; at least twelve are listed.
     """
     import re
 
@@ -74,8 +81,8 @@ def explain(run: Path, input: str, /, *, person: int = 0, out: Path | None = Non
     distances = classifier.distances([query])[0]
     found = explain_row(query, classifier.library_, distances, settings, classifier.weighing_)
     title = f"{Path(row.input).name}: {row.label or row.status}"
-    explanation_plot(found, title, target, max(1, channels))
-    _print(row, found, max(1, channels))
+    explanation_plot(found, title, target, channels)
+    _print(row, found, channels)
     print(target, file=sys.stderr)
     return 0
 

@@ -73,8 +73,7 @@ def result_table(rows: Sequence[Row]) -> None:
             row.label or "-",
             _number(row.distance),
             _number(row.margin),
-            # The folder above is the label, as a rule.
-            "/".join(row.neighbors[0][0].rsplit("/", 2)[-2:]) if row.neighbors else "",
+            _nearest(row),
             _status(row),
         )
         for name, row in zip(_names(rows), rows, strict=True)
@@ -113,6 +112,15 @@ def _names(rows: Sequence[Row]) -> list[str]:
     """The inputs without the folder that all of them are in, and the number of the person."""
     base = _common_folder([row.input for row in rows])
     return [row.input.removeprefix(base) + (f" #{row.person}" if row.person else "") for row in rows]
+
+
+def _nearest(row: Row) -> str:
+    """The nearest example, with the folder above where that is its label."""
+    if not row.neighbors:
+        return ""
+    name, label, _ = row.neighbors[0]
+    folder, _, clip = name.rpartition("/")
+    return f"{label}/{clip}" if folder.rpartition("/")[2] == label else clip
 
 
 def _status(row: Row) -> Text:

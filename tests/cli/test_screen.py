@@ -24,6 +24,9 @@ def test_the_table_names_the_label_of_the_nearest_example(capsys: pytest.Capture
     assert "wave/1.mp4" in said and "examples/" not in said and "in/" not in said
     assert "0.250" in said and "#2" in said and "error E_MEDIA_BROKEN" in said
     assert "\x1b" not in said
+    result_table([Row("a.mp4", neighbors=(("persons/anna/wave_1.mp4", "wave", 0.2),), status="ok")])
+    said = capsys.readouterr().out
+    assert "wave_1.mp4" in said and "anna" not in said, "a folder that is no label tells nothing"
 
 
 def test_keypoints_have_a_table_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
