@@ -20,7 +20,16 @@ from gesture_core.types import SignalBatch
 Keogh = Callable[[np.ndarray, np.ndarray, np.ndarray, bool], np.ndarray]
 
 MARGIN = {np.dtype(np.float32): 1e-4, np.dtype(np.float64): 1e-10}
-"""Relative share by which a bound is lowered: above the rounding of a kernel's sums."""
+"""Relative share by which a bound of short series is lowered."""
+
+
+def margin(dtype: np.dtype, terms: np.ndarray) -> np.ndarray:
+    """Relative share by which a bound is lowered: twice what a kernel's sum of ``terms`` can lose.
+
+    A sum of non-negative numbers, one after the other, is at most its number of terms times half of
+    the machine epsilon off (Higham 2002, section 4.2).
+    """
+    return np.maximum(MARGIN[dtype], terms * float(np.finfo(dtype).eps))
 
 
 def point_cost(difference: np.ndarray, squared: bool) -> np.ndarray:
@@ -116,7 +125,7 @@ def lower_bounds(
     The greater of LB_Kim and LB_Keogh for each dimension, summed over the dimensions of the pair.
     """
     squared = spec.cost == "squared" or (spec.cost == "euclidean" and spec.mode == "dependent")
-    margin = MARGIN[queries.values.dtype]
+    dtype, width = queries.values.dtype, queries.values.shape[2]
     q_values, e_values = (weighted(batch.values, spec).astype(np.float64) for batch in (queries, examples))
     count, every = len(examples), np.arange(len(examples))
     ends = np.stack([e_values[:, 0], e_values[every, examples.lengths - 1]])
@@ -124,11 +133,16 @@ def lower_bounds(
     for n in np.unique(queries.lengths).tolist():
         lower, upper = envelope(e_values, examples.lengths, n, spec)
         single = (examples.lengths == 1) & (n == 1)
+        # A path has fewer cells than both have frames; a cell sums its dimensions.
+        kept = 1 - margin(dtype, n + examples.lengths + width)[:, None]
+        # Squares and shares of squares that lie below the dtype's range.
+        lost = 2 * float(np.finfo(dtype).tiny) * (n + examples.lengths)[:, None]
         for index in np.flatnonzero(queries.lengths == n):
             use = used_dimensions(queries, examples, np.full(count, index), every)
             x = q_values[index, :n]
             outside = keogh(np.ascontiguousarray(x.T), lower, upper, squared)
-            bound = np.maximum(kim(x, ends, single, squared), outside) * (1 - margin)
+            bound = np.maximum(kim(x, ends, single, squared), outside)
+            bound = np.maximum(bound * kept - lost, 0)
             out[index] = _combine(bound, use, n + examples.lengths, spec)
     return out
 

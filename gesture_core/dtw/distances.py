@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gesture_core.dtw.bands import check_feasible
-from gesture_core.dtw.lanes import used_dimensions, weighted
+from gesture_core.dtw.lanes import lane_cost, used_dimensions, weighted
 from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError, InputError, PluginError
 from gesture_core.plugin import registry
@@ -23,6 +23,8 @@ CPU_ORDER = ("numba", "jax", "torch", "numpy")
 GPU_ORDER = ("torch", "jax")
 
 _LARGEST = {np.dtype(np.float32): 1e9, np.dtype(np.float64): 1e100}
+_SMALLEST = {np.dtype(np.float32): 1e-15, np.dtype(np.float64): 1e-150}
+"""Where nothing reaches this, squares of differences leave the dtype's range."""
 
 Options = Mapping[str, Mapping[str, Any]]
 Series = Sequence[Signals | np.ndarray]
@@ -79,17 +81,29 @@ def make_batches(queries: Series, examples: Series, spec: DtwSpec) -> tuple[Sign
         raise ConfigError(
             f"{len(spec.weights)} weights for series of {width} dimensions", code="E_OPTION"
         )  # fmt: skip
-    for name, batch in (("query", query_batch), ("example", example_batch)):
+    _check_magnitudes(query_batch, example_batch, spec)
+    check_feasible(query_batch.lengths, example_batch.lengths, spec)
+    return query_batch, example_batch
+
+
+def _check_magnitudes(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec) -> None:
+    dtype, greatest = queries.values.dtype, 0.0
+    for name, batch in (("query", queries), ("example", examples)):
         largest = np.abs(weighted(batch.values, spec)).max(axis=(1, 2))
-        if largest.max() > _LARGEST[batch.values.dtype]:
+        greatest = max(greatest, float(largest.max()))
+        if greatest > _LARGEST[dtype]:
             raise InputError(
                 f"{name} {int(largest.argmax())} reaches {largest.max():.3g}, "
-                f"beyond what {batch.values.dtype} costs can hold",
+                f"beyond what {dtype} costs can hold",
                 remedy="float64 series, or a smaller unit",
                 code="E_MAGNITUDE",
             )
-    check_feasible(query_batch.lengths, example_batch.lengths, spec)
-    return query_batch, example_batch
+    if lane_cost(spec) != "absolute" and 0 < greatest < _SMALLEST[dtype]:
+        raise InputError(
+            f"no series reaches more than {greatest:.3g}, below what squared {dtype} costs can hold",
+            remedy="float64 series, or a larger unit",
+            code="E_MAGNITUDE",
+        )
 
 
 def _all_float32(series: Series) -> bool:

@@ -11,7 +11,7 @@ from gesture_core.dtw import search as engine
 from gesture_core.dtw.distances import warping_distances
 from gesture_core.dtw.search import nearest, search
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.errors import ConfigError
+from gesture_core.errors import ConfigError, InputError
 from gesture_core.types import Signals
 
 
@@ -90,3 +90,39 @@ def test_bounds_save_cells_under_a_band() -> None:
 def test_wrong_k_is_refused() -> None:
     with pytest.raises(ConfigError, match="k = 3 of 2"):
         nearest([np.zeros(3)], [np.zeros(3), np.ones(3)], k=3)
+
+
+def test_search_of_long_series_outlasts_the_rounding_of_single_precision() -> None:
+    frames = 20_000
+    constant, spike = np.full(frames, 0.1, np.float32), np.zeros(frames, np.float32)
+    query = np.zeros(frames, np.float32)
+    exact = float(constant.astype(np.float64).sum())
+    rounded = float(warping_distances([query], [constant])[0, 0])
+    assert rounded < exact * (1 - 1e-4)  # what makes this hard
+    spike[frames // 2] = rounded + (exact - rounded) / 10
+    table = warping_distances([query], [spike, constant])
+    assert table.argmin() == 1
+    assert nearest([query], [spike, constant]).indices.tolist() == [[1]]
+
+
+@pytest.mark.parametrize("mode", ["independent", "dependent"])
+def test_search_among_squares_that_are_too_small_to_be_told_apart(mode: str) -> None:
+    rng = np.random.default_rng(4)
+    spec = DtwSpec(mode=mode, cost="squared", reduce="sum")  # type: ignore[arg-type]
+    examples = [np.float32(1e-25) * walk for walk in walks(rng, 50, 2)]
+    examples.append(np.ones((30, 2), np.float32))
+    table = warping_distances(examples[:5], examples, spec)
+    found = nearest(examples[:5], examples, spec, 3)
+    order = np.argsort(table, axis=1, kind="stable")[:, :3]
+    np.testing.assert_array_equal(found.indices, order)
+
+
+@pytest.mark.parametrize(("dtype", "unit"), [(np.float32, 1e-25), (np.float64, 1e-170)])
+def test_a_unit_whose_squares_vanish_is_refused(dtype: type, unit: float) -> None:
+    rng = np.random.default_rng(4)
+    series = [(unit * rng.normal(size=9)).astype(dtype) for _ in range(3)]
+    for spec in (DtwSpec(cost="squared"), DtwSpec(mode="dependent", cost="euclidean")):
+        with pytest.raises(InputError, match=r"E_MAGNITUDE .* a larger unit"):
+            warping_distances(series, series, spec)
+    assert warping_distances(series, series)[0, 1] > 0
+    assert warping_distances([np.zeros(4, dtype)], [np.zeros(3, dtype)], DtwSpec(cost="squared")) == 0
