@@ -94,6 +94,10 @@ def discover(
     walk = _Walk(avoid, readers)
     found: dict[bytes, Input] = {}
     for source in sources:
+        if "://" in os.fspath(source):
+            raise InputError(
+                "is an address", subject=str(source), remedy="downloading it first", code="E_NOT_FOUND"
+            )
         for item in walk.source(Path(source)):
             found.setdefault(item.key, item)
     return list(found.values())
@@ -202,8 +206,9 @@ class _Walk:
 
 
 def _not_found(path: Path, where: str = "") -> InputError:
+    missing = "nothing matches" if glob.has_magic(os.fspath(path)) else "no such file or folder"
     return InputError(
-        f"no such file or folder{f', {where}' if where else ''}",
+        f"{missing}{f', {where}' if where else ''}",
         subject=printable(os.fspath(path)),
         remedy="check the path",
         code="E_NOT_FOUND",

@@ -99,7 +99,7 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
         )
     examples = _examples(request, readers)
     if examples:
-        _check_neighbors(settings, sum(item.kind != "other" for item in examples))
+        _check_enough(settings, [item for item in examples if item.kind != "other"])
     kernel = _kernel(settings) if examples else ""
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     deciding = decider(settings, sandbox) if examples else None
@@ -166,12 +166,19 @@ def _examples(request: RunRequest, readers: Readers) -> list[Input]:
     return [item for item in labelled if item.kind != "other" or item.label]
 
 
-def _check_neighbors(settings: Settings, examples: int) -> None:
-    if settings.classify.neighbors > examples:
+def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:
+    """Raise what too few examples would raise, before hours of extraction instead of after them."""
+    if settings.classify.neighbors > len(examples):
         raise ConfigError(
-            f"{settings.classify.neighbors} neighbours of {examples} examples",
-            remedy=f"--neighbors 1 to {examples}, or 0 for all of them, weighed",
+            f"{settings.classify.neighbors} neighbours of {len(examples)} examples",
+            remedy=f"--neighbors 1 to {len(examples)}, or 0 for all of them, weighed",
             code="E_NEIGHBORS",
+        )
+    if settings.classify.reject_sd is not None and len({item.label for item in examples}) == len(examples):
+        raise ConfigError(
+            f"--reject {settings.classify.reject_sd:g}sd: no class has two examples",
+            remedy="two examples of a class at least (better three of each), or --reject with a distance",
+            code="E_REJECT",
         )
 
 
