@@ -81,12 +81,16 @@ def make_batches(queries: Series, examples: Series, spec: DtwSpec) -> tuple[Sign
         raise ConfigError(
             f"{len(spec.weights)} weights for series of {width} dimensions", code="E_OPTION"
         )  # fmt: skip
-    _check_magnitudes(query_batch, example_batch, spec)
+    # Signals are in body lengths: what is that small there is what rounding left of a part that keeps still.
+    bare = not all(isinstance(item, Signals) for item in (*queries, *examples))
+    _check_magnitudes(query_batch, example_batch, spec, smallest=bare)
     check_feasible(query_batch.lengths, example_batch.lengths, spec)
     return query_batch, example_batch
 
 
-def _check_magnitudes(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec) -> None:
+def _check_magnitudes(
+    queries: SignalBatch, examples: SignalBatch, spec: DtwSpec, *, smallest: bool
+) -> None:
     dtype, greatest = queries.values.dtype, 0.0
     for name, batch in (("query", queries), ("example", examples)):
         largest = np.abs(weighted(batch.values, spec)).max(axis=(1, 2))
@@ -98,7 +102,7 @@ def _check_magnitudes(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec
                 remedy="float64 series, or a smaller unit",
                 code="E_MAGNITUDE",
             )
-    if lane_cost(spec) != "absolute" and 0 < greatest < _SMALLEST[dtype]:
+    if smallest and lane_cost(spec) != "absolute" and 0 < greatest < _SMALLEST[dtype]:
         raise InputError(
             f"no series reaches more than {greatest:.3g}, below what squared {dtype} costs can hold",
             remedy="float64 series, or a larger unit",

@@ -126,3 +126,9 @@ def test_a_unit_whose_squares_vanish_is_refused(dtype: type, unit: float) -> Non
             warping_distances(series, series, spec)
     assert warping_distances(series, series)[0, 1] > 0
     assert warping_distances([np.zeros(4, dtype)], [np.zeros(3, dtype)], DtwSpec(cost="squared")) == 0
+
+
+def test_what_rounding_leaves_of_a_part_that_keeps_still_is_no_unit() -> None:
+    rng = np.random.default_rng(4)
+    still = [Signals(1e-17 * rng.normal(size=(n, 2)), np.arange(n) / 20, ("a_x", "a_y")) for n in (9, 7)]
+    assert warping_distances(still[:1], still[1:], DtwSpec(mode="dependent", cost="squared")) < 1e-30
