@@ -88,9 +88,7 @@ def make_batches(queries: Series, examples: Series, spec: DtwSpec) -> tuple[Sign
     return query_batch, example_batch
 
 
-def _check_magnitudes(
-    queries: SignalBatch, examples: SignalBatch, spec: DtwSpec, *, smallest: bool
-) -> None:
+def _check_magnitudes(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec, *, smallest: bool) -> None:
     dtype, greatest = queries.values.dtype, 0.0
     for name, batch in (("query", queries), ("example", examples)):
         largest = np.abs(weighted(batch.values, spec)).max(axis=(1, 2))
