@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter, validators
 
 from gesture_core.errors import ConfigError
+from gesture_core.plugin import registry
 from gesture_core.settings import Settings, load_settings, presets
 
 
@@ -31,8 +32,11 @@ class PoseFlags:
     )
 
     def settings(self) -> Settings:
-        """The settings that the flags ask for."""
-        return load_settings(self.preset, self.set, **self._changes())
+        """The settings that the flags ask for; an option of a plugin that takes no part is an error."""
+        settings = load_settings(self.preset, self.set, **self._changes())
+        for key in (text.partition("=")[0].strip() for text in self.set):
+            _check_part(key, settings)
+        return settings
 
     def _changes(self) -> dict[str, Any]:
         """What the flags that stand for one setting say; None where one was not given."""
@@ -75,6 +79,15 @@ UNSAID = Parameter(show_default=False)
 """For flags whose default is nothing: an empty text, no values, off."""
 
 
+_REMEDIES = {
+    "pose": "--pose {}",
+    "normalizer": "--set signals.normalizer={}",
+    "filter": "--set signals.filters=…,{}",
+    "selector": "--set signals.selector={}",
+}
+"""How to choose a plugin, by its kind; of the other kinds several take part, or the fastest one."""
+
+
 def _switch(text: str) -> Parameter:
     """A flag without a value, that is off by default."""
     return Parameter(help=text, show_default=False)
@@ -99,6 +112,20 @@ class RunFlags:
         bool, _switch("Begin again with other settings in the same folder; keypoints are reused.")
     ] = False
     quiet: Annotated[bool, _switch("No progress and no table.")] = False
+
+
+def _check_part(key: str, settings: Settings) -> None:
+    """Raise where ``key`` is an option of a plugin that the settings do not choose."""
+    name = key.rpartition(".")[0].removeprefix("options.")
+    kinds = {kind for kind, plugin in registry().entries if plugin == name.partition(":")[0]}
+    chosen = settings.signals
+    used = {settings.pose.backend, chosen.normalizer, chosen.selector, *chosen.filters}
+    if kinds and name not in used and kinds <= _REMEDIES.keys():
+        raise ConfigError(
+            f"--set {key}: {name!r} takes no part under preset {settings.preset}",
+            remedy=" or ".join(_REMEDIES[kind].format(name) for kind in sorted(kinds)),
+            code="E_OPTION",
+        )
 
 
 def _rejection(value: str | None) -> dict[str, Any]:
