@@ -1,12 +1,12 @@
 """Which cells a warping path may visit: Sakoe-Chiba, Itakura, or any boolean mask.
 
-A band is defined once, as a boolean (n, m) array; kernels take it as one column interval for each
-row, which every band but a mask with holes is.
+A band is one interval of columns for each row, by formula, so that it costs no memory beside the
+series; only a mask with holes has to be held as cells.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -14,16 +14,19 @@ from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import WarpingError
 
 _ROUNDING = 1e-9
+_AT_ONCE = 1 << 20
+"""Rows of bands, all lengths together, that are computed at once where nobody keeps them."""
 
 
-def radius(n: int, m: int, window: int | float) -> int:
-    """Frames of the longer series that a path may leave the diagonal by.
+def radius(n: int, m: np.ndarray, window: int | float) -> np.ndarray:
+    """Frames of the longer series that a path may leave the diagonal by; all of them at most.
 
     A fraction is of the longer length and rounds up, as the UCR archive's published windows do.
     """
+    longer = np.maximum(n, m)
     if isinstance(window, int):
-        return window
-    return int(np.ceil(window * max(n, m) - _ROUNDING))
+        return np.minimum(longer, min(window, 1 << 60))
+    return np.ceil(window * longer - _ROUNDING).astype(np.int64)
 
 
 def is_banded(spec: DtwSpec) -> bool:
@@ -31,31 +34,56 @@ def is_banded(spec: DtwSpec) -> bool:
     return spec.window is not None or spec.shape == "itakura" or spec.mask is not None
 
 
-@lru_cache(maxsize=4096)
-def allowed_cells(n: int, m: int, spec: DtwSpec) -> np.ndarray:
-    """(n, m) bool, read-only: cells that a path between lengths ``n`` and ``m`` may visit.
+def row_spans(n: int, m: np.ndarray, spec: DtwSpec) -> tuple[np.ndarray, np.ndarray]:
+    """First column and column past the last of each row, for a query of ``n`` frames and K examples.
 
     Sakoe and Chiba (1978): at most the radius away from the line between the two corners, measured
     along the longer series, so that the band is the same whichever series is the query. Itakura
     (1975): slopes from both corners between ``1 / max_slope`` and ``max_slope``, relative to that
-    line. A mask of another shape is stretched to (n, m) by its nearest cells.
+    line. A mask of another shape is stretched to (n, m) by its nearest cells; holes between the
+    first and the last cell of a row do not count here.
+
+    Parameters
+    ----------
+    m : (K,) int64
+        The examples' lengths.
+
+    Returns
+    -------
+    low, high : (K, n) int32
+        Both zero in a row without cells.
     """
-    rows = np.arange(n)[:, None]
-    columns = np.arange(m)[None, :]
-    cells = np.ones((n, m), bool)
+    rows, m = np.arange(n, dtype=np.int64), np.asarray(m, np.int64)[:, None]
+    low, high = np.zeros((len(m), n), np.int64), np.broadcast_to(m, (len(m), n))
     if spec.mask is not None:
-        mask = spec.mask.array()
-        cells &= mask[_nearest(n, mask.shape[0])[:, None], _nearest(m, mask.shape[1])[None, :]]
-    if spec.window is not None:
-        off = np.abs(rows * (m - 1) - columns * (n - 1))
-        cells &= off <= radius(n, m, spec.window) * (min(n, m) - 1)
-    if spec.shape == "itakura" and min(n, m) > 1:
-        u, v = rows / (n - 1), columns / (m - 1)
+        low, high = _mask_spans(n, m, spec.mask.array())
+    if spec.window is not None and n > 1:
+        # Across the line: |row (m - 1) - column (n - 1)| <= reach, with the radius along the longer one.
+        line, reach = rows * (m - 1), radius(n, m, spec.window) * (np.minimum(n, m) - 1)
+        low = np.maximum(low, -((reach - line) // (n - 1)))
+        high = np.minimum(high, (line + reach) // (n - 1) + 1)
+    if spec.shape == "itakura" and n > 1:
+        u, last = rows / (n - 1), m - 1
         steep, flat = spec.max_slope, 1 / spec.max_slope
-        cells &= (v <= steep * u + _ROUNDING) & (v >= flat * u - _ROUNDING)
-        cells &= (1 - v <= steep * (1 - u) + _ROUNDING) & (1 - v >= flat * (1 - u) - _ROUNDING)
-    cells.flags.writeable = False
-    return cells
+        least = np.maximum(flat * u, 1 - steep * (1 - u)) - _ROUNDING
+        most = np.minimum(steep * u, 1 - flat * (1 - u)) + _ROUNDING
+        low = np.where(last > 0, np.maximum(low, np.ceil(least * last).astype(np.int64)), low)
+        high = np.where(last > 0, np.minimum(high, np.floor(most * last).astype(np.int64) + 1), high)
+    empty = low >= high
+    return np.where(empty, 0, low).astype(np.int32), np.where(empty, 0, high).astype(np.int32)
+
+
+def _mask_spans(n: int, m: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(K, n) first columns and columns past the last of a stretched mask."""
+    row = _nearest(n, mask.shape[0])
+    any_cell = mask.any(axis=1)
+    first = np.where(any_cell, mask.argmax(axis=1), 0)
+    past = np.where(any_cell, mask.shape[1] - mask[:, ::-1].argmax(axis=1), 0)
+    low, high = np.empty((len(m), n), np.int64), np.empty((len(m), n), np.int64)
+    for k, other in enumerate(m[:, 0].tolist()):
+        column = _nearest(other, mask.shape[1])
+        low[k], high[k] = np.searchsorted(column, first)[row], np.searchsorted(column, past)[row]
+    return low, high
 
 
 def _nearest(size: int, source: int) -> np.ndarray:
@@ -65,7 +93,6 @@ def _nearest(size: int, source: int) -> np.ndarray:
     return np.rint(np.arange(size) * ((source - 1) / (size - 1))).astype(np.int64)
 
 
-@lru_cache(maxsize=16384)
 def row_bounds(n: int, m: int, spec: DtwSpec) -> tuple[np.ndarray, np.ndarray]:
     """First column and column past the last of each row, two (n,) int32 arrays.
 
@@ -74,14 +101,34 @@ def row_bounds(n: int, m: int, spec: DtwSpec) -> tuple[np.ndarray, np.ndarray]:
     WarpingError
         Where a row's columns are not one interval (a mask with holes).
     """
-    cells = allowed_cells(n, m, spec)
-    low = cells.argmax(axis=1).astype(np.int32)
-    high = (m - cells[:, ::-1].argmax(axis=1)).astype(np.int32)
-    count = cells.sum(axis=1)
-    high[count == 0] = low[count == 0]
-    if (high - low != count).any():
+    if has_holes(spec):
         raise WarpingError("the band's mask has holes", remedy="kernel 'numpy'", code="E_BAND_HOLES")
-    return low, high
+    low, high = row_spans(n, np.array([m]), spec)
+    return low[0], high[0]
+
+
+def allowed_cells(n: int, m: int, spec: DtwSpec) -> np.ndarray:
+    """(n, m) bool: cells that a path between lengths ``n`` and ``m`` may visit; see `row_spans`."""
+    if spec.mask is not None:
+        mask = spec.mask.array()
+        return mask[_nearest(n, mask.shape[0])[:, None], _nearest(m, mask.shape[1])[None, :]]
+    low, high = row_bounds(n, m, spec)
+    column = np.arange(m, dtype=np.int32)
+    return (column >= low[:, None]) & (column < high[:, None])
+
+
+def cell_counts(n: int, m: np.ndarray, spec: DtwSpec) -> np.ndarray:
+    """(K,) int64: how many cells lie inside the band, for K lengths of examples."""
+    if has_holes(spec):
+        return np.array([allowed_cells(n, other, spec).sum() for other in m.tolist()], np.int64)
+    spans = _spans_in_parts(n, m, spec)
+    return np.concatenate([(high - low).sum(axis=1, dtype=np.int64) for low, high in spans])
+
+
+def _spans_in_parts(n: int, m: np.ndarray, spec: DtwSpec) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    size = max(1, _AT_ONCE // n)
+    for start in range(0, len(m), size):
+        yield row_spans(n, m[start : start + size], spec)
 
 
 def has_holes(spec: DtwSpec) -> bool:
@@ -92,10 +139,27 @@ def has_holes(spec: DtwSpec) -> bool:
     return bool((np.maximum(edges, 0).sum(axis=1) > 1).any())
 
 
-@lru_cache(maxsize=16384)
 def is_feasible(n: int, m: int, spec: DtwSpec) -> bool:
     """Whether any path leads from corner to corner inside the band."""
-    cells = allowed_cells(n, m, spec)
+    return bool(_feasible(n, np.array([m]), spec)[0])
+
+
+def _feasible(n: int, m: np.ndarray, spec: DtwSpec) -> np.ndarray:
+    """(K,) bool: `is_feasible` for K lengths of examples."""
+    if has_holes(spec):
+        return np.array([_has_path(allowed_cells(n, other, spec)) for other in m.tolist()])
+    found, ends = [], []
+    for low, high in _spans_in_parts(n, m, spec):
+        # The leftmost column that a path can have reached in each row, which must lie in the row's
+        # interval and at most one past the last column of the row before.
+        reached = np.maximum.accumulate(low, axis=1)
+        inside = (reached < high).all(axis=1) & (reached[:, 1:] <= high[:, :-1]).all(axis=1)
+        found.append(inside & (low[:, 0] == 0))
+        ends.append(high[:, -1])
+    return np.concatenate(found) & (np.concatenate(ends) == m)
+
+
+def _has_path(cells: np.ndarray) -> bool:
     if not (cells[0, 0] and cells[-1, -1]):
         return False
     reached = np.logical_and.accumulate(cells[0])
@@ -125,14 +189,16 @@ def check_feasible(query_lengths: np.ndarray, example_lengths: np.ndarray, spec:
     """
     if not is_banded(spec):
         return
+    columns = np.unique(example_lengths)
     for n in np.unique(query_lengths).tolist():
-        for m in np.unique(example_lengths).tolist():
-            if not is_feasible(n, m, spec):
-                query = int(np.argmax(query_lengths == n))
-                example = int(np.argmax(example_lengths == m))
-                raise WarpingError(
-                    f"query {query} ({n} frames) and example {example} ({m} frames): "
-                    "no warping path fits into the band",
-                    remedy="a wider window, a steeper slope, or series of more similar length",
-                    code="E_BAND_INFEASIBLE",
-                )
+        possible = _feasible(n, columns, spec)
+        if not possible.all():
+            m = int(columns[possible.argmin()])
+            query = int(np.argmax(query_lengths == n))
+            example = int(np.argmax(example_lengths == m))
+            raise WarpingError(
+                f"query {query} ({n} frames) and example {example} ({m} frames): "
+                "no warping path fits into the band",
+                remedy="a wider window, a steeper slope, or series of more similar length",
+                code="E_BAND_INFEASIBLE",
+            )

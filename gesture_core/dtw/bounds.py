@@ -8,11 +8,10 @@ so that none exceeds the distance that a float32 kernel computes.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 
-from gesture_core.dtw.bands import allowed_cells, is_banded
+from gesture_core.dtw.bands import is_banded, row_spans
 from gesture_core.dtw.lanes import used_dimensions, weighted
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
@@ -61,17 +60,10 @@ def envelope(
         if not is_banded(spec):
             lower[which], upper[which] = part.min(axis=1, keepdims=True), part.max(axis=1, keepdims=True)
             continue
-        low, high = _bounds(rows, length, spec)
+        (low,), (high,) = row_spans(rows, np.array([length]), spec)
         lower[which] = _range_extreme(part, low, high, np.minimum)
         upper[which] = _range_extreme(part, low, high, np.maximum)
     return tuple(np.ascontiguousarray(side.transpose(0, 2, 1)) for side in (lower, upper))  # type: ignore[return-value]
-
-
-@lru_cache(maxsize=1024)
-def _bounds(rows: int, columns: int, spec: DtwSpec) -> tuple[np.ndarray, np.ndarray]:
-    """First column and column past the last of each row; holes between them do no harm to a bound."""
-    cells = allowed_cells(rows, columns, spec)
-    return cells.argmax(axis=1), columns - cells[:, ::-1].argmax(axis=1)
 
 
 def _range_extreme(values: np.ndarray, low: np.ndarray, high: np.ndarray, pick: np.ufunc) -> np.ndarray:

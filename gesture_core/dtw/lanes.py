@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.dtw.bands import allowed_cells, has_holes, is_banded, row_bounds
+from gesture_core.dtw.bands import allowed_cells, has_holes, is_banded, row_spans
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
 
@@ -366,18 +366,27 @@ def _columns(frames: np.ndarray, index: np.ndarray, dimension: np.ndarray | None
 
 def _bounds(n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> tuple[np.ndarray, np.ndarray]:
     """(n_max, P) first columns and columns past the last; rows beyond a lane's length hold padding alone."""
-    lengths, lane = np.unique(np.stack([n, m]), axis=1, return_inverse=True)
+    lengths, lane = _distinct(n, m)
     low = np.broadcast_to(lengths[1].astype(np.int32), (int(n.max()), lengths.shape[1])).copy()
     high = np.full_like(low, UNBOUNDED)
-    for column, (rows, columns) in enumerate(lengths.T.tolist()):
-        low[:rows, column], high[:rows, column] = row_bounds(rows, columns, spec)
-    lane = lane.reshape(-1)
+    for rows in np.unique(n).tolist():
+        which = np.flatnonzero(lengths[0] == rows)
+        spans = row_spans(rows, lengths[1, which], spec)
+        low[:rows, which], high[:rows, which] = (side.T for side in spans)
     return low.take(lane, axis=1), high.take(lane, axis=1)
 
 
 def _cells(n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> np.ndarray:
     """(n_max, m_max, P) cells of a band with holes; all of them beyond a lane's lengths."""
     cells = np.ones((int(n.max()), int(m.max()), len(n)), bool)
-    for lane, (rows, columns) in enumerate(zip(n.tolist(), m.tolist(), strict=True)):
-        cells[:rows, :columns, lane] = allowed_cells(rows, columns, spec)
+    lengths, lane = _distinct(n, m)
+    for pair, (rows, columns) in enumerate(lengths.T.tolist()):
+        which = np.flatnonzero(lane == pair)
+        cells[:rows, :columns, which] = allowed_cells(rows, columns, spec)[:, :, None]
     return cells
+
+
+def _distinct(n: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(2, K) distinct combinations of lengths, and which of them each lane has."""
+    lengths, lane = np.unique(np.stack([n, m]), axis=1, return_inverse=True)
+    return lengths, lane.reshape(-1)

@@ -44,7 +44,7 @@ def warping_path(
         dimensions = np.array([dimension or 0])
     check_feasible(np.array([len(x)]), np.array([len(y)]), spec)
     cost = local_costs(x, y, spec, dimensions)
-    return backtrack(least_costs(cost, allowed_cells(*cost.shape, spec)))
+    return backtrack(least_costs(cost, allowed_cells(len(x), len(y), spec)))
 
 
 def least_costs(cost: np.ndarray, cells: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gesture_core.dtw.bands import allowed_cells, is_banded
+from gesture_core.dtw.bands import cell_counts, is_banded
 from gesture_core.dtw.bounds import keogh, lower_bounds
 from gesture_core.dtw.distances import choose_kernel, make_batches
 from gesture_core.dtw.lanes import used_dimensions
@@ -156,8 +156,7 @@ def _cells(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec) -> np.nda
     sizes = np.multiply.outer(n, m)
     if is_banded(spec):
         for i, length in enumerate(n.tolist()):
-            for j, other in enumerate(m.tolist()):
-                sizes[i, j] = allowed_cells(length, other, spec).sum()
+            sizes[i] = cell_counts(length, m, spec)
     cells = sizes[rows[:, None], columns[None, :]]
     if spec.mode == "dependent":
         return cells

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gesture_core.dtw.bands import is_banded, row_bounds
+from gesture_core.dtw.bands import is_banded, row_spans
 from gesture_core.dtw.lanes import far, lane_cost, unreached, warping_dtype, weighted
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
@@ -170,23 +170,21 @@ def make_bands(n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> Bands:
         return Bands(nothing, nothing, nothing.reshape(0, 0), none, none)
     rows, query_index = _index(n)
     columns, example_index = _index(m)
-    bounds = [row_bounds(row, column, spec) for row in rows for column in columns]
-    ends = np.cumsum([0, *(len(low) for low, _ in bounds)])[:-1]
-    return Bands(
-        query_index,
-        example_index,
-        ends.reshape(len(rows), len(columns)),
-        np.concatenate([low for low, _ in bounds]),
-        np.concatenate([high for _, high in bounds]),
-    )
+    sizes = np.repeat(rows, len(columns)).reshape(len(rows), len(columns))
+    offset = np.cumsum(sizes).reshape(sizes.shape) - sizes
+    low, high = (np.empty(int(sizes.sum()), np.int32) for _ in range(2))
+    for row, start in zip(rows.tolist(), offset[:, 0].tolist(), strict=True):
+        part = slice(start, start + row * len(columns))
+        low[part], high[part] = (side.reshape(-1) for side in row_spans(row, columns, spec))
+    return Bands(query_index, example_index, offset, low, high)
 
 
-def _index(lengths: np.ndarray) -> tuple[list[int], np.ndarray]:
+def _index(lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The distinct lengths, and the number of each among them."""
     distinct = np.unique(lengths)
     index = np.zeros(distinct[-1] + 1, np.int64)
     index[distinct] = np.arange(len(distinct))
-    return distinct.tolist(), index
+    return distinct, index
 
 
 def make_room(rows: int, columns: int, width: int, banded: bool, dtype: np.dtype) -> Room:
