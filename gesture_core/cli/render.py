@@ -52,9 +52,11 @@ def render(
     with open_video(video, settings.pose.reader, limits) as frames:
         write = write_video if target.suffix.lower() == ".mp4" else write_strip
         count = write(overlay(frames, found), target)
-    seen = max(sequence.frames_with_pose for sequence in found)
+    longest = max(sequence.frames_with_pose for sequence in found)
     who = (
-        f"1 person, in {seen} of them" if len(found) == 1 else f"{len(found)} people, in up to {seen} of them"
+        f"1 person, in {longest} of them"
+        if len(found) == 1
+        else f"{len(found)} tracks of people, the longest in {longest} of them"
     )
     print(f"{visible(str(target))}: {counted(count, 'frame')}, {who}")
     return 0
