@@ -26,6 +26,9 @@ from gesture_core.errors import ConfigError, InputError
 from gesture_core.plugin import registry
 from gesture_core.settings import Settings
 
+# What lies beside clips and never is one: notes, subtitles, thumbnails, and what file managers leave.
+_COMPANIONS = frozenset(".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .ini .db .lnk".split())
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -163,7 +166,11 @@ def _examples(request: RunRequest, readers: Readers) -> list[Input]:
         )
     labelled = label_inputs(found, request.labels, request.examples)
     # What nobody reads is a lost example where it has a label; without one it was never meant as any.
-    return [item for item in labelled if item.kind != "other" or item.label]
+    return [item for item in labelled if item.kind != "other" or (item.label and not _is_companion(item))]
+
+
+def _is_companion(item: Input) -> bool:
+    return item.path.suffix.lower() in _COMPANIONS
 
 
 def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:

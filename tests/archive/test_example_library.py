@@ -36,14 +36,14 @@ def labels_of(summary: RunSummary) -> dict[str, str | None]:
 
 
 def test_examples_that_nobody_reads_are_failed_examples(folder: Path) -> None:
-    for name in ("dance/clip.rmvb", "jump/one.json", "right/notes.txt"):
+    for name in ("dance/clip.rmvb", "jump/one.json", "right/2.rmvb", "right/notes.txt", "left/Thumbs.db"):
         (folder / "examples" / name).parent.mkdir(exist_ok=True)
         (folder / "examples" / name).write_text("{}")
     (folder / "examples" / "readme.md").touch()  # has no label, so it is no example
     for _ in range(2):  # the second run has nothing to do and must not forget it
         summary = run(folder)
         assert [Path(row.input).name for row in summary.failed_examples] == [
-            "clip.rmvb", "one.json", "notes.txt",
+            "clip.rmvb", "one.json", "2.rmvb",
         ]  # fmt: skip
         assert {row.code for row in summary.failed_examples} == {"E_NOT_AN_INPUT"}
         assert summary.lost_classes == ("dance", "jump")
@@ -61,7 +61,7 @@ def test_a_library_that_nobody_reads_is_no_library(folder: Path) -> None:
 
 
 def test_a_stranger_counts_as_no_neighbour(folder: Path) -> None:
-    (folder / "examples" / "right" / "notes.txt").touch()
+    (folder / "examples" / "right" / "2.rmvb").touch()
     done = gesture(
         "classify", folder / "videos", "--examples", folder / "examples", "--out", folder / "run",
         "--preset", "paper", "--neighbors", "3",
