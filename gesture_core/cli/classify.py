@@ -105,8 +105,12 @@ def _say_to_people(summary: RunSummary) -> None:
     else:
         print(f"nothing to do: all rows ({counts}) are in {database}", file=sys.stderr)
     say_assumed(summary.assumed)
-    for row in summary.failed_examples:
-        print(f"example left out: {row.code} {visible(row.message)}", file=sys.stderr)
+    if summary.done_now and summary.failed_examples:
+        left_out = counted(len(summary.failed_examples), "example")
+        print(f"{left_out} left out, as said above", file=sys.stderr)
+    else:
+        for row in summary.failed_examples:
+            print(f"example left out: {row.code} {visible(row.message)}", file=sys.stderr)
     if summary.lost_classes:
         lost = visible(", ".join(summary.lost_classes))
         print(f"no example of {lost} can be used: no input gets such a label", file=sys.stderr)

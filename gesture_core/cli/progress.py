@@ -53,6 +53,11 @@ class _Counter(Listener):
             self._done += 1
             self._changed()
 
+    def example_failed(self, row: Row) -> None:
+        if row.input not in self._extracted:
+            self._done += 1
+            self._changed()
+
     @property
     def _rate(self) -> float:
         """Frames a second."""
@@ -99,6 +104,7 @@ class _Bar(_Counter):
         self._bar.update(self._task, completed=self._done, speed=speed)
 
     def example_failed(self, row: Row) -> None:
+        super().example_failed(row)
         self._bar.console.print(f"example left out: {row.code} {visible(row.message)}", markup=False)
 
 
@@ -114,6 +120,7 @@ class _JsonLines(_Counter):
         say_event("planned", inputs=inputs, waiting=waiting, examples=examples, kernel=kernel)
 
     def example_failed(self, row: Row) -> None:
+        super().example_failed(row)
         say_event("example_failed", input=row.input, code=row.code, message=row.message)
 
     def _changed(self) -> None:
