@@ -87,7 +87,10 @@ class KeypointReader(Protocol):
     """
 
     def accepts(self, path: Path) -> bool:
-        """Whether this reader takes ``path``, a file or a folder, judged cheaply by name and first bytes."""
+        """Whether this reader takes ``path``, a file or a folder, judged cheaply by name and first bytes.
+
+        A file at which this fails, and that no other reader takes, gets an error row.
+        """
         ...
 
     def members(self, path: Path) -> list[str]:
