@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from gesture_core.dtw.bands import has_holes
+from gesture_core.dtw.cores import usable_cores
 from gesture_core.dtw.lanes import LaneKernel, Lanes
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
@@ -131,7 +131,7 @@ class NumbaKernel:
         return lanes.gradients(lanes.prepare(state.batch, state.spec), queries, weights)
 
     def _each(self, compute: Callable[..., None], tasks: Sequence[tuple[Any, ...]]) -> None:
-        threads = min(self.threads or len(os.sched_getaffinity(0)), len(tasks))
+        threads = min(self.threads or usable_cores(), len(tasks))
         if threads <= 1:
             for task in tasks:
                 compute(*task)
