@@ -17,7 +17,14 @@ Status = Literal["ok", "degraded", "rejected", "skipped", "error"]
 def _single(array: np.ndarray) -> np.ndarray:
     """``array`` as float32; what does not fit becomes infinite, and is then refused as such."""
     with np.errstate(over="ignore"):
-        return np.asarray(array).astype(np.float32, copy=False)
+        return _filled(array).astype(np.float32, copy=False)
+
+
+def _filled(array: np.ndarray) -> np.ndarray:
+    """``array`` with NaN for what is masked: NumPy's conversions would show what lies below the mask."""
+    if isinstance(array, np.ma.MaskedArray):
+        return np.ma.filled(array.astype(np.float64), np.nan)
+    return np.asarray(array)
 
 
 def _frozen(array: np.ndarray, dtype: type) -> np.ndarray:
@@ -25,6 +32,11 @@ def _frozen(array: np.ndarray, dtype: type) -> np.ndarray:
     copy: np.ndarray = np.array(array, dtype=dtype, order="C")
     copy.flags.writeable = False
     return copy
+
+
+def _ascending(times: np.ndarray) -> bool:
+    """Whether ``times`` are finite and never decrease."""
+    return bool(np.isfinite(times).all() and (np.diff(times) >= 0).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,14 +92,14 @@ class PoseSequence:
             )
         if np.isinf(points).any():
             raise KeypointError("a coordinate is infinite", subject=self.source, code="E_KEYPOINTS_VALUE")
-        times = np.asarray(self.times, np.float64)
-        if not np.isfinite(times).all() or (np.diff(times) < 0).any():
+        times = _filled(self.times).astype(np.float64)
+        if not _ascending(times):
             raise KeypointError(
                 "times are not finite and ascending", subject=self.source, code="E_KEYPOINTS_TIMES"
             )
         missing = np.isnan(points).any(axis=2)
         points = np.where(missing[..., None], np.float32(np.nan), points)
-        scores = np.where(missing, 0, np.nan_to_num(np.asarray(self.scores), nan=0.0, posinf=1.0))
+        scores = np.where(missing, 0, np.nan_to_num(_filled(self.scores), nan=0.0, posinf=1.0))
         object.__setattr__(self, "keypoints", _frozen(points, np.float32))
         object.__setattr__(self, "scores", _frozen(np.clip(scores, 0, 1), np.float32))
         object.__setattr__(self, "times", _frozen(times, np.float64))
@@ -135,7 +147,7 @@ class Signals:
     values : (T, D) float32
         Finite everywhere; zero in channels that are not present.
     times : (T,) float64
-        Seconds.
+        Seconds, never decreasing.
     channels : tuple of D str
         `right_wrist_x` and so on.
     mask : (D,) bool
@@ -168,6 +180,11 @@ class Signals:
                 subject=self.source,
                 code="E_SIGNAL_SHAPE",
             )
+        times = _filled(self.times).astype(np.float64)
+        if not _ascending(times):
+            raise SignalError(
+                "times are not finite and ascending", subject=self.source, code="E_SIGNAL_TIMES"
+            )
         width = len(self.channels)
         every = np.ones(width, bool)
         mask = every if self.mask is None else np.asarray(self.mask, bool)
@@ -188,7 +205,7 @@ class Signals:
                 code="E_SIGNAL_VALUE",
             )
         object.__setattr__(self, "values", _frozen(values, np.float32))
-        object.__setattr__(self, "times", _frozen(np.asarray(self.times), np.float64))
+        object.__setattr__(self, "times", _frozen(times, np.float64))
         object.__setattr__(self, "mask", _frozen(mask, bool))
         object.__setattr__(self, "present", _frozen(present, bool))
 
@@ -247,7 +264,7 @@ class SignalBatch:
         Raises
         ------
         InputError
-            Where there is no series, one is empty, the widths differ, or a value is NaN or
+            Where there is no series, one is empty, the widths differ, or a value is masked, NaN or
             infinite; the message names the index.
         """
         if len(series) == 0:
@@ -272,7 +289,14 @@ class SignalBatch:
 
 
 def _matrix(item: Signals | np.ndarray, index: int, name: str) -> np.ndarray:
-    array = item.values if isinstance(item, Signals) else np.asarray(item)
+    if np.ma.is_masked(item):
+        raise InputError(
+            f"{name} {index} has masked values", remedy="fill the gaps first", code="E_NOT_FINITE"
+        )
+    try:
+        array = item.values if isinstance(item, Signals) else np.asarray(item)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} {index} is no array of numbers", code="E_DTYPE") from None
     if array.ndim == 1:
         array = array[:, None]
     if array.ndim != 2 or 0 in array.shape:

@@ -97,6 +97,27 @@ def test_signals_name_the_channel_that_is_not_finite() -> None:
     assert absent.selected == ("a_x",)
 
 
+def test_what_is_masked_is_missing() -> None:
+    points = np.ma.masked_equal(np.full((2, 18, 2), 5.0), 5.0)
+    points[0] = 1.0
+    pose = PoseSequence(points, np.ma.masked_equal(np.ones((2, 18)), 0), np.arange(2.0))
+    assert pose.seen[0].all() and not pose.seen[1].any()
+    with pytest.raises(SignalError, match="E_SIGNAL_VALUE"):
+        Signals(np.ma.masked_equal([[1.0], [2.0]], 2.0), np.arange(2), ("a_x",))
+    with pytest.raises(InputError, match="query 0 has masked values"):
+        SignalBatch.of([np.ma.masked_equal([1.0, 2.0], 2.0)], name="query")
+    whole = np.ma.masked_equal([1.0, 2.0], 7.0)
+    assert SignalBatch.of([whole]).values[0, :, 0].tolist() == [1, 2]
+
+
+@pytest.mark.parametrize(
+    "times", [[0, np.nan], [0, np.inf], [1, 0], np.ma.masked_equal([0.0, 1.0], 1.0)], ids=str
+)
+def test_signals_have_times_as_poses_have(times) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(SignalError, match="E_SIGNAL_TIMES"):
+        Signals(np.zeros((2, 1)), times, ("a_x",))
+
+
 def test_batches_refuse_with_the_index() -> None:
     good = np.ones((3, 2))
     for bad, code in (

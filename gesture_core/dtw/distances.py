@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,7 +49,7 @@ def warping_distances(
     kernel : str
         A registered distance kernel, or ``"auto"`` for the fastest installed one.
     options : mapping, optional
-        Keyword arguments of kernels by their names.
+        Keyword arguments of kernels by their names; those of other plugins are left alone.
 
     Returns
     -------
@@ -63,10 +64,24 @@ def warping_distances(
         Where the band leaves a pair without a path; it names the pair.
     """
     spec = as_spec(spec)
+    _check_options(options or {})
     query_batch, example_batch = make_batches(queries, examples, spec)
     name, chosen = choose_kernel(kernel, spec, options)
     values = np.asarray(chosen.distances(chosen.prepare(example_batch, spec), query_batch))
     return check_distances(values, query_batch, example_batch, name)
+
+
+def _check_options(options: Options) -> None:
+    """Refuse options of what is no plugin: a kernel's name that is misspelt."""
+    known = {name for _, name in registry().entries}
+    for name in options:
+        if name.partition(":")[0] not in known:
+            near = difflib.get_close_matches(name, registry().names("kernel"), 1)
+            raise ConfigError(
+                f"options of {name!r}, which is no plugin",
+                remedy=f"did you mean {near[0]!r}?" if near else "the name of a distance kernel",
+                code="E_OPTION",
+            )
 
 
 def make_batches(queries: Series, examples: Series, spec: DtwSpec) -> tuple[SignalBatch, SignalBatch]:
@@ -109,7 +124,7 @@ def _check_magnitudes(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec
 
 
 def _all_float32(series: Series) -> bool:
-    return all(isinstance(item, Signals) or np.asarray(item).dtype == np.float32 for item in series)
+    return all(isinstance(item, Signals) or getattr(item, "dtype", None) == np.float32 for item in series)
 
 
 def choose_kernel(name: str, spec: DtwSpec, options: Options | None = None) -> tuple[str, DistanceKernel]:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gesture_core.dtw.distances import choose_kernel, warping_distances
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.errors import InputError, PluginError, WarpingError
+from gesture_core.errors import ConfigError, InputError, PluginError, WarpingError
 from gesture_core.plugin import registry
 from gesture_core.testing import Case, compare, draw_batch, reference_table
 
@@ -96,6 +96,8 @@ def test_auto_takes_the_fastest_that_supports_the_specification() -> None:
         ([np.zeros((0, 2))], "query 0 has shape"),
         ([], "no query"),
         ([np.zeros((3, 3))], "queries have 3 dimensions, examples 2"),
+        ([[[0.0, 1.0], [2.0]]], "query 0 is no array of numbers"),
+        ([np.ma.masked_equal(np.array([[0.0, 1], [7, 0]]), 7)], "query 0 has masked values"),
         ([np.full((3, 2), 1e10, np.float32)], "query 0 reaches 1e\\+10"),
     ],
 )
@@ -114,6 +116,18 @@ def test_precision_follows_the_series() -> None:
     single, double = [np.zeros((3, 1), np.float32)], [np.zeros((3, 1))]
     assert warping_distances(single, single).dtype == np.float32
     assert warping_distances(single, double).dtype == np.float64
+
+
+def test_a_system_that_tells_no_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    assert warping_distances([np.zeros(3)] * 20, [np.ones(3)], kernel="auto").tolist() == [[3.0]] * 20
+
+
+def test_options_of_what_is_no_plugin_are_refused() -> None:
+    series = [np.zeros(3)]
+    assert warping_distances(series, series, options={"numba": {"threads": 1}, "gaussian": {"sigma": 2}}) == 0
+    with pytest.raises(ConfigError, match=r"E_OPTION options.*nmuba.*did you mean"):
+        warping_distances(series, series, options={"nmuba": {"threads": 1}})
 
 
 @pytest.mark.slow
