@@ -19,6 +19,11 @@ def derivatives(series: Sequence[np.ndarray]) -> list[np.ndarray]:
     ----------
     series : sequence of (T,) or (T, D) arrays, T at least 3
 
+    Returns
+    -------
+    list of arrays of the same shapes
+        float32 where a series is, else float64: whole numbers without a sign would wrap.
+
     Raises
     ------
     SignalError
@@ -32,5 +37,6 @@ def _derivative(x: np.ndarray, index: int) -> np.ndarray:
         raise SignalError(
             f"series {index} has {len(x)} frames, derivative DTW needs 3", code="E_SIGNAL_SHORT"
         )
+    x = x if x.dtype == np.float32 else x.astype(np.float64)
     slope = ((x[1:-1] - x[:-2]) + (x[2:] - x[:-2]) / 2) / 2
     return np.concatenate([slope[:1], slope, slope[-1:]])

@@ -132,5 +132,9 @@ def test_fastdtw_gives_the_numbers_of_its_package() -> None:
 def test_derivatives_are_those_of_keogh_and_pazzani() -> None:
     (slope,) = derivatives([np.array([0.0, 1, 4, 9, 16])])
     assert slope.tolist() == [1.5, 1.5, 3.5, 5.5, 5.5]
+    for dtype in (np.uint8, np.int8, np.float16, np.float64):
+        (slope,) = derivatives([np.array([5, 3, 1, 0], dtype)])
+        assert slope.tolist() == [-2, -2, -1.75, -1.75] and slope.dtype == np.float64
+    assert derivatives([np.zeros(3, np.float32)])[0].dtype == np.float32
     with pytest.raises(SignalError, match="series 1 has 2 frames"):
         derivatives([np.zeros(3), np.zeros(2)])
