@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from gesture_core.dtw.bands import allowed_cells, check_feasible
+from gesture_core.dtw.bands import allowed_cells
+from gesture_core.dtw.distances import make_batches
+from gesture_core.dtw.lanes import used_dimensions
 from gesture_core.dtw.reference import local_costs
-from gesture_core.dtw.spec import DtwSpec
+from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError, WarpingError
+from gesture_core.types import Signals
 
 
 def warping_path(
-    query: np.ndarray, example: np.ndarray, spec: DtwSpec | None = None, dimension: int | None = None
+    query: np.ndarray | Signals,
+    example: np.ndarray | Signals,
+    spec: DtwSpec | None = None,
+    dimension: int | None = None,
 ) -> np.ndarray:
     """The path of least cost between two series.
 
     Parameters
     ----------
-    query, example : (n,) or (n, D), (m,) or (m, D) arrays
+    query, example : Signals or (n,) or (n, D), (m,) or (m, D) arrays
     spec : DtwSpec, optional
-        Dependent mode warps all dimensions together; independent mode has one path for each.
+        Dependent mode warps all dimensions together; independent mode, the default as in
+        `warping_distances`, has one path for each.
     dimension : int, optional
         Which path, in independent mode; may be left out where D is 1.
 
@@ -28,23 +35,40 @@ def warping_path(
     (K, 2) int64
         Pairs of frames (query, example) from (0, 0) to (n - 1, m - 1). Of equal steps the diagonal
         is taken first, then the query's.
+
+    Raises
+    ------
+    ConfigError
+        For soft warping, and where ``dimension`` is missing, too many, or not compared.
+    InputError, WarpingError
+        As `warping_distances`.
     """
-    spec = DtwSpec(mode="dependent") if spec is None else spec
-    x, y = (np.asarray(series, np.float64) for series in (query, example))
-    x, y = (series[:, None] if series.ndim == 1 else series for series in (x, y))
+    spec = as_spec(spec)
     if spec.gamma is not None:
         raise ConfigError("soft-DTW has no single path", remedy="gamma = none", code="E_OPTION")
-    if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        raise WarpingError("a series holds NaN or infinity", code="E_NOT_FINITE")
-    if spec.mode == "dependent":
-        dimensions = np.arange(x.shape[1])
-    elif dimension is None and x.shape[1] > 1:
-        raise ConfigError(f"which of {x.shape[1]} dimensions?", remedy="dimension=", code="E_OPTION")
-    else:
-        dimensions = np.array([dimension or 0])
-    check_feasible(np.array([len(x)]), np.array([len(y)]), spec)
-    cost = local_costs(x, y, spec, dimensions)
+    queries, examples = make_batches([query], [example], spec)
+    every = np.flatnonzero(used_dimensions(queries, examples, np.array([0]), np.array([0]))[0])
+    chosen = _chosen(every, queries.values.shape[2], spec, dimension)
+    x, y = (batch.values[0].astype(np.float64) for batch in (queries, examples))
+    cost = local_costs(x, y, spec, chosen)
     return backtrack(least_costs(cost, allowed_cells(len(x), len(y), spec)))
+
+
+def _chosen(every: np.ndarray, width: int, spec: DtwSpec, dimension: int | None) -> np.ndarray:
+    """The dimensions that are warped together, of ``every`` one that the two are compared on."""
+    if spec.mode == "dependent":
+        if dimension is not None:
+            raise ConfigError("dependent warping has one path for all dimensions", code="E_OPTION")
+        if len(every) == 0:
+            raise WarpingError("the two have no dimension in common", code="E_NOTHING_IN_COMMON")
+        return every
+    if dimension is None and width > 1:
+        raise ConfigError(
+            f"which of {width} dimensions?", remedy="dimension=, or mode='dependent'", code="E_OPTION"
+        )
+    if (dimension or 0) not in every.tolist():
+        raise ConfigError(f"dimension = {dimension}", remedy=f"one of {every.tolist()}", code="E_OPTION")
+    return np.array([dimension or 0])
 
 
 def least_costs(cost: np.ndarray, cells: np.ndarray) -> np.ndarray:

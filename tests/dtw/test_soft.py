@@ -11,8 +11,9 @@ from gesture_core.dtw.paths import warping_path
 from gesture_core.dtw.reference import local_costs, reference_distance
 from gesture_core.dtw.soft import soft_divergence, soft_gradients
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.errors import ConfigError
+from gesture_core.errors import ConfigError, InputError, WarpingError
 from gesture_core.plugin import registry
+from gesture_core.types import Signals
 
 SOFT_KERNELS = [name for name in registry().names("kernel", usable=True) if name != "fastdtw"]
 
@@ -113,6 +114,46 @@ def test_a_path_costs_what_the_distance_says() -> None:
     assert (one == warping_path(x[:, 1], y[:, 1], DtwSpec())).all()
     with pytest.raises(ConfigError, match="which of 2 dimensions"):
         warping_path(x, y, DtwSpec())
+
+
+def test_paths_take_what_distances_take_and_no_more() -> None:
+    x, y = np.random.default_rng(0).normal(size=(5, 2)), np.random.default_rng(1).normal(size=(6, 2))
+    together = DtwSpec(mode="dependent")
+    wide = np.column_stack([y, y[:, 0]])
+    for one, other in ((x, wide), (wide, x)):
+        with pytest.raises(InputError, match="E_DIMENSIONS"):
+            warping_path(one, other, together)
+    with pytest.raises(InputError, match="E_EMPTY"):
+        warping_path(x[:0], y, together)
+    with pytest.raises(InputError, match="E_NOT_FINITE"):
+        warping_path(x, y * np.nan, together)
+    with pytest.raises(ConfigError, match="4 weights for series of 2"):
+        warping_path(x, y, together.replace(weights=(1, 1, 1, 1)))
+    with pytest.raises(ConfigError, match="dimension = 2"):
+        warping_path(x, y, dimension=2)
+    with pytest.raises(ConfigError, match="one path for all"):
+        warping_path(x, y, together, dimension=0)
+    # The default is that of distances: one path for each dimension.
+    with pytest.raises(ConfigError, match="which of 2 dimensions"):
+        warping_path(x, y)
+    costs = [
+        np.abs(x[p[:, 0], d] - y[p[:, 1], d]).sum() for d in (0, 1) for p in [warping_path(x, y, dimension=d)]
+    ]
+    assert np.mean(costs) == pytest.approx(warping_distances([x], [y])[0, 0], rel=1e-12)
+
+
+def test_paths_of_signals_leave_out_what_is_not_compared() -> None:
+    rng = np.random.default_rng(2)
+    names, present = ("a", "b", "c"), np.array([True, False, True])
+    x, y = (Signals(rng.normal(size=(n, 3)), np.arange(n), names, present=present) for n in (7, 9))
+    together = DtwSpec(mode="dependent")
+    path = warping_path(x, y, together)
+    np.testing.assert_array_equal(path, warping_path(x.values[:, ::2], y.values[:, ::2], together))
+    with pytest.raises(ConfigError, match=r"dimension = 1; try: one of \[0, 2\]"):
+        warping_path(x, y, dimension=1)
+    apart = Signals(y.values, y.times, names, present=~present)
+    with pytest.raises(WarpingError, match="no dimension in common"):
+        warping_path(x, apart, together)
 
 
 def test_barycenters_are_nearer_than_members() -> None:
