@@ -60,7 +60,7 @@ def _chosen(every: np.ndarray, width: int, spec: DtwSpec, dimension: int | None)
         if dimension is not None:
             raise ConfigError("dependent warping has one path for all dimensions", code="E_OPTION")
         if len(every) == 0:
-            raise WarpingError("the two have no dimension in common", code="E_NOTHING_IN_COMMON")
+            raise WarpingError("the two have no dimension in common", code="E_NO_COMMON")
         return every
     if dimension is None and width > 1:
         raise ConfigError(
