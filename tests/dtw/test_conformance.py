@@ -10,7 +10,17 @@ from conftest import ROOT
 
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.plugin import registry
-from gesture_core.testing import KERNEL_CHECKS, Case, compare, draw_batch
+from gesture_core.settings import load_settings, presets
+from gesture_core.testing import (
+    KERNEL_CHECKS,
+    Case,
+    check_nothing_in_common,
+    check_reference,
+    check_single_frames,
+    compare,
+    draw_batch,
+)
+from gesture_core.types import SignalBatch
 
 KERNELS = registry().names("kernel", usable=True)
 
@@ -42,3 +52,41 @@ def test_a_wrong_kernel_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(AssertionError):
         for check in KERNEL_CHECKS:
             check(plain.PlainKernel())
+
+
+class Constant:
+    """One for everything, under ``spec`` alone."""
+
+    def __init__(self, spec: DtwSpec) -> None:
+        self.spec = spec
+
+    def supports(self, spec: DtwSpec) -> bool:
+        return spec == self.spec
+
+    def prepare(self, examples: SignalBatch, spec: DtwSpec) -> SignalBatch:
+        return examples
+
+    def distances(self, state: SignalBatch, queries: SignalBatch) -> np.ndarray:
+        return np.ones((len(queries), len(state)))
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_a_kernel_for_one_preset_alone_is_held_to_it(preset: str) -> None:
+    kernel = Constant(load_settings(preset, environment={}).dtw)
+    for check in (check_reference, check_single_frames, check_nothing_in_common):
+        with pytest.raises(AssertionError):
+            check(kernel)
+
+
+@pytest.mark.parametrize("cost", ["absolute", "squared", "euclidean"])
+@pytest.mark.parametrize("mode", ["independent", "dependent"])
+def test_a_kernel_for_one_form_alone_is_held_to_it(mode: str, cost: str) -> None:
+    spec = DtwSpec(mode=mode, cost=cost, reduce="sum")  # type: ignore[arg-type]
+    for check in (check_reference, check_single_frames, check_nothing_in_common):
+        with pytest.raises(AssertionError):
+            check(Constant(spec))
+
+
+def test_a_kernel_of_which_nothing_is_compared_does_not_pass() -> None:
+    with pytest.raises(AssertionError, match="supports none of the specifications"):
+        check_reference(Constant(DtwSpec(window=3, cost="squared", length_norm=True)))
