@@ -118,8 +118,8 @@ class Ear:
 
 
 def _plain(message: str) -> str:
-    """A log line that may quote the file, fit for a terminal."""
-    text = " ".join(message.split())[:_MAX_MESSAGE]
+    """A log line that may quote the file, as a clause that is fit for a terminal."""
+    text = " ".join(message.split()).rstrip(".")[:_MAX_MESSAGE]
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 

@@ -210,6 +210,16 @@ def test_a_camera_that_drops_a_frame_at_a_cluster_s_start_is_believed(tmp_path: 
     assert len(times) == FRAMES and report.complete, report.notes
 
 
+def test_what_ffmpeg_says_reads_as_clauses(clips: Path, tmp_path: Path) -> None:
+    data = bytearray((clips / "h264.mp4").read_bytes())
+    start = data.index(b"mdat")
+    data[start + 1500 : start + 1800] = b"\xff" * 300
+    (tmp_path / "worn.mp4").write_bytes(bytes(data))
+    _, report = read(tmp_path / "worn.mp4", "pyav")
+    assert any("NAL" in note for note in report.notes), report.notes
+    assert not any(note.endswith(".") for note in report.notes), report.notes
+
+
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.97])
 def test_a_cut_matroska_is_damage(clips: Path, tmp_path: Path, share: float) -> None:
     data = (clips / "mjpeg.mkv").read_bytes()
