@@ -3,17 +3,18 @@
     python benchmarks/choose.py [--videos FOLDER ...] [--starts 2] [--nested] [--cache FOLDER]
 
 Every candidate (`parts` terms such as ``wrist.energy``) gets a matrix of warping distances of its
-own, once as performed and once mirrored, and the size of every sequence. The preset's distance is
-the weighted sum of the matrices over the geometric mean of the weighted sizes, so it can be had for
-any weights without another warping, and its gradient too. The loss is that of a soft nearest
+own, once as performed and once mirrored, and the size of every sequence in what each pair has in
+common. The preset's distance is the weighted sum of the matrices over the weighted sizes, by the same
+rule for missing joints as in the product, so it can be had for any weights without another warping,
+and its gradient too. The loss is that of a soft nearest
 neighbour (Goldberger et al. 2005): under leave-one-subject-out, summed over the data sets and their
 groups of classes, and with one example a class from a single subject. A penalty on the roots of the
 weights takes candidates out. Adam (Kingma and Ba 2015) descends from random starts; the lowest loss
 wins. ``--videos`` adds body_gesture as networks see it (folders of benchmarks/videos.py).
 
 ``--nested`` repeats the whole descent for each subject of each data set with that subject taken out
-of all versions of it, and tests the weights on it: the honest estimate beside the figures of the one
-preset, which has seen all subjects. Needs torch.
+of all versions of it, and tests the weights on it, decided as the preset decides: the honest estimate
+beside the figures of the one preset, which has seen all subjects. Needs torch.
 """
 
 from __future__ import annotations
@@ -30,10 +31,12 @@ from choose_tests import tested
 from datasets import Item, arguments, body_gesture, pose_trainer, utd_openpose, utd_skeleton
 from videos import with_videos
 
+from gesture_core.classify.common import common_sum
 from gesture_core.classify.comparison import compare
-from gesture_core.settings import load_settings
+from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.signals.mirror import mirrored
+from gesture_core.types import Signals
 
 TERMS = (
     "wrist", "wrist@0.5", "elbow@0.5", "elbow@1", "shoulder@1", "nose@0.5", "hip@1", "knee@1", "ankle@1",
@@ -45,15 +48,21 @@ TERMS = (
 PENALTY = 0.04
 SHARPNESS = 12.0
 DONOR = 3.0
-VIDEOS = 0.5
+VIDEOS = 0.25
 STEPS = 100
 LARGE = 300
+FAR = 1e6
 SMALLEST = 0.01
+FACTS = ("labels", "subjects", "groups", "names", "frames", "still")
+MATRICES = ("same", "other", "common", "common_other")
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """One data set: its items and, for each term, distances as performed and mirrored, and sizes."""
+    """One data set: its items and, for each term, distances as performed and mirrored, and sizes.
+
+    ``common`` and ``common_other`` are the sizes of the first of a pair in what both have of a term.
+    """
 
     name: str
     labels: np.ndarray
@@ -61,14 +70,17 @@ class Problem:
     groups: np.ndarray
     names: np.ndarray
     frames: np.ndarray
+    still: np.ndarray
     same: np.ndarray
     other: np.ndarray
+    common: np.ndarray
+    common_other: np.ndarray
     sizes: np.ndarray
 
     def take(self, kept: np.ndarray) -> Problem:
         """The problem among the items in ``kept``."""
-        matrices = {key: getattr(self, key)[:, kept][:, :, kept] for key in ("same", "other")}
-        facts = {k: getattr(self, k)[kept] for k in ("labels", "subjects", "groups", "names", "frames")}
+        matrices = {key: getattr(self, key)[:, kept][:, :, kept] for key in MATRICES}
+        facts = {key: getattr(self, key)[kept] for key in FACTS}
         return replace(self, sizes=self.sizes[:, kept], **facts, **matrices)
 
     def without(self, subject: str) -> Problem:
@@ -82,41 +94,64 @@ class Problem:
 
     @cached_property
     def tensors(self) -> tuple[Any, ...]:
-        """Pairs above the diagonal (the matrices are symmetric), and the place of each pair of items."""
+        """The four matrices as (N * N, T), sizes (N, T), frames, and which pairs are still apart."""
         import torch
 
-        n = len(self.labels)
-        upper = np.triu_indices(n, 1)
-        where = np.zeros((n, n), np.int64)
-        where[upper] = np.arange(len(upper[0]))
-        where = np.maximum(where, where.T)
-        pairs = [torch.tensor(np.ascontiguousarray(m[:, *upper].T)) for m in (self.same, self.other)]
-        return *pairs, torch.tensor(where), torch.tensor(self.sizes), torch.tensor(np.float32(self.frames))
-
-    def distances(self, weights: Any, mirror: Any, rest: Any) -> Any:
-        """(N, N) distances under torch ``weights``."""
-        import torch
-
-        same, other, where, sizes, frames = self.tensors
-        nearer = torch.minimum(same @ weights, (other @ weights) * mirror)[where]
-        size = weights @ sizes
-        size = size + rest * frames * size.detach().median() / frames.median()
-        return nearer / torch.sqrt(size[:, None] * size[None])
+        terms = len(self.same)
+        pairs = [torch.tensor(getattr(self, key).reshape(terms, -1).T.copy()) for key in MATRICES]
+        apart = torch.tensor(self.still[:, None] & ~self.still[None])
+        return *pairs, torch.tensor(self.sizes.T.copy()), torch.tensor(np.float32(self.frames)), apart
 
     @cached_property
-    def donors(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Queries and examples: one trial a class of each subject, up to four trials in turn."""
-        found = []
+    def whole(self) -> bool:
+        """Whether no joint of any term is missing anywhere."""
+        sizes = self.sizes[:, :, None]
+        return bool((self.common == sizes).all() and (self.common_other == sizes).all())
+
+    @cached_property
+    def units(self) -> np.ndarray:
+        """(T,) usual distance of each term, NaN for one that nobody has."""
+        upper = np.triu_indices(len(self.labels), 1)
+        found = np.where(self.same[:, *upper] > 0, self.same[:, *upper], np.nan)
+        return np.array([np.nanmedian(f) if np.isfinite(f).any() else np.nan for f in found])
+
+    def distances(self, weights: Any, mirror: Any, rest: Any) -> Any:
+        """(N, N) distances under torch ``weights``, as `gesture_core.classify.comparison` computes them."""
+        import torch
+
+        same, other, common, common_other, sizes, frames, apart = self.tensors
+        size = sizes @ weights
+        rest = rest * frames * (size.median() / frames.median()).detach()
+        size = size + rest
+        both = torch.sqrt(size[:, None] * size[None])
+        readings = []
+        for sums, held in ((same, common), (other, common_other)):
+            by = both
+            if not self.whole:
+                own = (held @ weights).reshape(both.shape) + rest[:, None]
+                by = own * own.T / both
+            readings.append((sums @ weights).reshape(both.shape) / by.clamp_min(1e-9))
+        nearer = torch.minimum(readings[0], readings[1] * mirror)
+        return torch.where(apart, torch.tensor(FAR), nearer)
+
+    @cached_property
+    def donors(self) -> tuple[Any, Any]:
+        """(K, C) one trial a class of a subject, up to four trials in turn, and (K, N) who else is asked."""
+        import torch
+
+        examples, asked = [], []
         for subject in np.unique(self.subjects):
-            members = [
-                np.flatnonzero((self.subjects == subject) & (self.codes == c)) for c in np.unique(self.codes)
-            ]
-            members = [m for m in members if len(m)]
-            for trial in range(max(len(m) for m in members)):
-                examples = np.array([m[trial % len(m)] for m in members])
-                known = np.isin(self.codes, self.codes[examples])
-                found.append((np.flatnonzero((self.subjects != subject) & known), examples))
-        return found
+            members = [np.flatnonzero((self.subjects == subject) & (self.codes == c)) for c in self.classes]
+            if all(len(m) for m in members):
+                for trial in range(max(len(m) for m in members)):
+                    examples.append([m[trial % len(m)] for m in members])
+                    asked.append(self.subjects != subject)
+        return torch.tensor(np.array(examples)), torch.tensor(np.array(asked, np.float32))
+
+    @property
+    def classes(self) -> np.ndarray:
+        """(C,) the codes of the classes."""
+        return np.unique(self.codes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,38 +169,42 @@ class Choice:
 
         with torch.no_grad():
             found = problem.distances(torch.tensor(self.weights), self.mirror, self.rest)
-        return found.numpy().astype(np.float64)
+        distances = found.numpy().astype(np.float64)
+        return np.where(distances < FAR, distances, np.inf)
 
 
 def problem_loss(problem: Problem, distances: Any) -> Any:
     """Soft nearest-neighbour loss of one data set: of all items, of each group, of single donors."""
     import torch
 
+    logs = torch.log(distances.clamp_min(1e-12))
     strangers = torch.tensor(problem.subjects[:, None] != problem.subjects[None])
-    apart = torch.where(strangers, distances, torch.tensor(1e9))
-    total = soft_loss(apart, problem.codes, problem.codes)
+    apart = torch.where(strangers, logs, torch.inf)
     groups = np.unique(problem.groups)
-    for group in groups if len(groups) > 1 else ():
-        own = np.flatnonzero(problem.groups == group)
-        total = total + soft_loss(apart[own][:, own], problem.codes[own], problem.codes[own])
+    total = torch.tensor(0.0)
+    everyone = np.ones(len(problem.labels), bool)
+    for own in (everyone, *(problem.groups == group for group in groups if len(groups) > 1)):
+        classes, codes = np.unique(problem.codes[own], return_inverse=True)
+        members = [torch.tensor(np.flatnonzero(own & (problem.codes == c))) for c in classes]
+        nearest = torch.stack([apart[:, m].amin(dim=1) for m in members], dim=1)
+        total = total + soft_loss(nearest[torch.tensor(own)], torch.tensor(codes)).mean()
     if problem.name.startswith("utd"):
-        losses = [
-            soft_loss(distances[q][:, e], problem.codes[q], problem.codes[e]) for q, e in problem.donors
-        ]
-        total = total + (DONOR if problem.name == "utd_openpose" else 1.0) * torch.stack(losses).mean()
+        examples, asked = problem.donors
+        codes = torch.tensor(problem.codes)[:, None].expand(-1, len(examples))
+        losses = soft_loss(logs[:, examples].flatten(0, 1), codes.flatten()).reshape(codes.shape).T
+        share = (losses * asked).sum(dim=1) / asked.sum(dim=1)
+        total = total + (DONOR if problem.name == "utd_openpose" else 1.0) * share.mean()
     return total * {"pose_trainer": 0.3}.get(problem.name, VIDEOS if "," in problem.name else 1.0)
 
 
-def soft_loss(distances: Any, queries: np.ndarray, examples: np.ndarray) -> Any:
-    """Mean of 1 - p(own class), p falling with the power `SHARPNESS` of the distance to each class."""
+def soft_loss(nearest: Any, own: Any) -> Any:
+    """(Q,) 1 - p(own class), p falling with the power `SHARPNESS` of the distance to each class.
+
+    ``nearest`` are (Q, C) logarithms of the distances, ``own`` (Q,) the columns of the own classes.
+    """
     import torch
 
-    classes, codes = np.unique(examples, return_inverse=True)
-    to = torch.tensor(codes)[None].expand(len(queries), -1)
-    nearest = torch.full((len(queries), len(classes)), torch.inf).scatter_reduce(1, to, distances, "amin")
-    chances = torch.softmax(-SHARPNESS * torch.log(nearest.clamp_min(1e-12)), dim=1)
-    own = torch.tensor(np.searchsorted(classes, queries))
-    return 1 - chances[torch.arange(len(queries)), own].mean()
+    return 1 - torch.softmax(-SHARPNESS * nearest, dim=1).gather(1, own[:, None])[:, 0]
 
 
 def search(problems: list[Problem], starts: int) -> Choice:
@@ -180,7 +219,7 @@ def descend(problems: list[Problem], seed: int) -> Choice:
     import torch
 
     # Terms differ in their unit; a weight of one means the same share of the distance for each.
-    unit = torch.stack([torch.stack([p.tensors[0][:, t].median() for p in problems]).mean() for t in each()])
+    unit = torch.tensor(np.float32(np.nanmean([p.units for p in problems], axis=0)))
     random = torch.Generator().manual_seed(seed)
     weights = torch.log(torch.rand(len(TERMS), generator=random) * 0.3 + 0.05).requires_grad_()
     price, rest = torch.tensor(-1.5, requires_grad=True), torch.tensor(-3.9, requires_grad=True)
@@ -201,15 +240,10 @@ def descend(problems: list[Problem], seed: int) -> Choice:
     return Choice((shares / shares.max()).numpy(), *found)
 
 
-def each() -> range:
-    """The terms' indices."""
-    return range(len(TERMS))
-
-
 def load(name: str, read: Callable[[], list[Item]], kernel: str, folder: Path | None) -> Problem:
     """Distances and sizes of every term on one data set, kept in ``folder`` where one is given."""
     path = folder / f"{name}.npz" if folder else None
-    fields = ("labels", "subjects", "groups", "names", "frames", "same", "other", "sizes")
+    fields = (*FACTS, *MATRICES, "sizes")
     if path is not None and path.is_file():
         with np.load(path, allow_pickle=False) as archive:
             return Problem(name, *(archive[key] for key in fields))
@@ -217,25 +251,33 @@ def load(name: str, read: Callable[[], list[Item]], kernel: str, folder: Path | 
     facts = [
         np.array([getattr(item, key) for item in items]) for key in ("label", "subject", "group", "name")
     ]
-    same, other, sizes = [], [], []
+    modern = load_settings("modern", classify__kernel=kernel)
+    still = [not signals.selected for signals in _signals(modern, items)]
+    plain = {"coverage": False, "mirror": None, "relative": None, "separate": False}
+    modern = replace(modern, classify=replace(modern.classify, **plain))
+    modern = replace(modern, signals=replace(modern.signals, selector="all"))
+    found: dict[str, list[np.ndarray]] = {key: [] for key in (*MATRICES, "sizes")}
     for term in TERMS:
-        modern = load_settings("modern", signals__selector="all", classify__kernel=kernel)
-        modern = replace(modern, options={**modern.options, "parts": {"weights": {term: 1.0}}})
-        plain = {"coverage": False, "mirror": None, "relative": None, "separate": False}
-        modern = replace(modern, classify=replace(modern.classify, **plain))
-        signals = replace(Chain.from_settings(modern), allow_still=True).all(item.pose for item in items)
-        found = compare(signals, [*signals, *map(mirrored, signals)], modern)
-        # A pair that lacks the joint is as far as pairs of this term usually are.
-        found = np.where(np.isfinite(found), found, np.median(found[np.isfinite(found)]))
-        same.append(found[:, : len(items)])
-        other.append(found[:, len(items) :])
-        sizes.append([float(np.square(s.values, dtype=np.float64).sum()) for s in signals])
+        signals = _signals(
+            replace(modern, options={**modern.options, "parts": {"weights": {term: 1.0}}}), items
+        )
+        squares = np.array([np.square(s.values, dtype=np.float64).sum(axis=0) for s in signals])
+        for tail, series in (("", signals), ("_other", [mirrored(s) for s in signals])):
+            distances = compare(signals, series, modern)
+            found["other" if tail else "same"].append(np.where(np.isfinite(distances), distances, 0.0))
+            found["common" + tail].append(common_sum(signals, series, squares, 1.0))
+        found["sizes"].append(squares.sum(axis=1))
     frames = np.array([len(s) for s in signals])
-    problem = Problem(name, *facts, frames, np.float32(same), np.float32(other), np.float32(sizes))
+    arrays = {key: np.array(values, np.float32) for key, values in found.items()}
+    problem = Problem(name, *facts, frames, np.array(still), **arrays)
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez(path, **{key: getattr(problem, key) for key in fields})
     return problem
+
+
+def _signals(settings: Settings, items: list[Item]) -> list[Signals]:
+    return replace(Chain.from_settings(settings), allow_still=True).all(item.pose for item in items)
 
 
 def as_toml(choice: Choice, problems: list[Problem]) -> str:

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from datasets import PAPER_EXAMPLES
 
+from gesture_core.classify.evaluation import fold_votes
 from gesture_core.classify.library import medoids
+from gesture_core.settings import load_settings
 
 
 def tested(problem: Any, subject: str, distances: np.ndarray) -> dict[str, list[bool]]:
@@ -36,5 +38,6 @@ def tested(problem: Any, subject: str, distances: np.ndarray) -> dict[str, list[
 def _right(
     labels: np.ndarray, distances: np.ndarray, queries: np.ndarray, examples: np.ndarray
 ) -> list[bool]:
-    near = examples[distances[np.ix_(queries, examples)].argmin(axis=1)]
-    return list(labels[near] == labels[queries])
+    classes, codes = np.unique(labels, return_inverse=True)
+    votes = fold_votes(distances, codes, examples, queries, load_settings("modern"))
+    return list(classes[votes.winners] == labels[queries])
