@@ -23,17 +23,26 @@ def common_sum(
     seen_q, salient_q = presence(queries)
     seen_e, salient_e = presence(examples)
     # Salient channels are present on their own side; counted by inclusion and exclusion.
-    either: np.ndarray = (q * salient_q) @ (e * seen_e).T + (q * seen_q) @ (e * salient_e).T
-    return either - (q * salient_q) @ (e * salient_e).T
+    either = _products(q * salient_q, e * seen_e) + _products(q * seen_q, e * salient_e)
+    return either - _products(q * salient_q, e * salient_e)
 
 
 def common_share(queries: Sequence[Signals], examples: Sequence[Signals]) -> np.ndarray:
     """(Q, N) share of the salient channels of a pair that both of them have."""
     _, salient_q = presence(queries)
     _, salient_e = presence(examples)
-    wanted = salient_q.sum(axis=1)[:, None] + salient_e.sum(axis=1)[None] - salient_q @ salient_e.T
+    both = _products(salient_q, salient_e)
+    wanted = salient_q.sum(axis=1)[:, None] + salient_e.sum(axis=1)[None] - both
     common = common_sum(queries, examples, 1.0, 1.0)
     return np.divide(common, wanted, out=np.zeros_like(common), where=wanted > 0)
+
+
+def _products(q: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """``q @ e.T`` summed in the order of the channels, so that no pair's bits depend on its batch."""
+    out = np.zeros((len(q), len(e)))
+    for channel in range(q.shape[1]):
+        out += np.multiply.outer(q[:, channel], e[:, channel])
+    return out
 
 
 def presence(series: Sequence[Signals]) -> tuple[np.ndarray, np.ndarray]:

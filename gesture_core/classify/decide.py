@@ -104,7 +104,7 @@ def _prediction(
     known = {"margin": margin if np.isfinite(margin) else None, "neighbors": neighbors, "selected": selected}
     if wanting is not None:
         code, limit = wanting
-        message = f"nearest class {label} at {distance:.4g}, above its threshold {limit:.4g}"
+        message = f"{label} at best, whose nearest example is at {distance:.4g}, above {limit:.4g}"
         if code == "E_UNSURE":
             rival = next((f" before {other}" for _, other, _ in neighbors if other != label), "")
             message = (

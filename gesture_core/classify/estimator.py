@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from inspect import signature
@@ -20,6 +21,9 @@ from gesture_core.plugin import registry
 from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence, Prediction, SignalBatch, Signals
+
+# Examples are compared with each other in blocks of so many rows at most, and of about so many seconds.
+_MOST_ROWS, _SECONDS = 256, 2.0
 
 Item = PoseSequence | Signals | np.ndarray
 
@@ -45,6 +49,8 @@ class GestureClassifier:
 
     Attributes
     ----------
+    n_neighbors_ : int
+        Examples that vote; 0 where all of them decide.
     settings_ : Settings
         What `fit` resolved; later changes of files and of the environment do not reach it.
     classes_ : (C,) array
@@ -110,6 +116,7 @@ class GestureClassifier:
             raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
         self.settings_ = settings = self._resolve()
         check_settings(settings)
+        self.n_neighbors_ = settings.classify.neighbors if self.n_neighbors is None else self.n_neighbors
         library = ExampleLibrary.of(self.signals(X), list(y), names)
         _check_series(library.series, "example")
         if settings.classify.kernel != "auto":
@@ -118,7 +125,7 @@ class GestureClassifier:
         limit, calibrated = self._rejection(settings, library)
         self.thresholds_: np.ndarray | None = None
         self.weighing_: Weighing | None = None
-        if settings.classify.representative or calibrated or self._k() == 0:
+        if settings.classify.representative or calibrated or self.n_neighbors_ == 0:
             within = self._among(library.series, alive)
             if calibrated:
                 sd = settings.classify.reject_sd
@@ -126,11 +133,17 @@ class GestureClassifier:
                 self.thresholds_ = calibrated_thresholds(within, codes, count, 3.0 if sd is None else sd)
             if settings.classify.representative:
                 indices = medoids(within, library.codes)
-            if self._k() == 0:
+            if self.n_neighbors_ == 0:
                 codes, count = library.codes[indices], len(library.classes)
                 sharpness, shrinkage = settings.classify.sharpness, settings.classify.shrinkage
                 among = within[np.ix_(indices, indices)]
                 self.weighing_ = learn_weights(among, codes, count, sharpness, shrinkage)
+        if not 0 <= self.n_neighbors_ <= len(indices):
+            raise ConfigError(
+                f"{self.n_neighbors_} neighbours were asked for and there are {len(indices)} examples",
+                remedy=f"n_neighbors from 0, for all of them, to {len(indices)}",
+                code="E_NEIGHBORS",
+            )
         if limit is not None:
             limits = np.full(len(library.classes), limit)
             self.thresholds_ = limits if self.thresholds_ is None else np.minimum(self.thresholds_, limits)
@@ -184,7 +197,7 @@ class GestureClassifier:
             distances = self._distances(usable, self.library_.series)
             margin = self._settings().classify.margin
             decided = decide(
-                distances, usable, self.library_, self._k(), self.thresholds_, self.weighing_, margin
+                distances, usable, self.library_, self.n_neighbors_, self.thresholds_, self.weighing_, margin
             )
             for place, prediction in zip(places, decided, strict=True):
                 out[place] = prediction
@@ -192,7 +205,7 @@ class GestureClassifier:
 
     def kneighbors(self, X: Sequence[Item], n_neighbors: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(Q, k) distances and indices into the ``X`` of `fit`, nearest first."""
-        near = k_nearest(self.distances(X), max(1, self._k()) if n_neighbors is None else n_neighbors)
+        near = k_nearest(self.distances(X), max(1, self.n_neighbors_) if n_neighbors is None else n_neighbors)
         return near.distances, self.example_indices_[near.indices]
 
     def score(self, X: Sequence[Item], y: Sequence[object]) -> float:
@@ -251,11 +264,8 @@ class GestureClassifier:
     def _chain(self) -> Chain:
         return Chain.from_settings(self._settings())
 
-    def _k(self) -> int:
-        return self._settings().classify.neighbors if self.n_neighbors is None else self.n_neighbors
-
     def _votes(self, distances: np.ndarray) -> Votes:
-        return votes_of(distances, self.library_.codes, len(self.classes_), self._k(), self.weighing_)
+        return votes_of(distances, self.library_.codes, len(self.classes_), self.n_neighbors_, self.weighing_)
 
     def _rejection(self, settings: Settings, library: ExampleLibrary) -> tuple[float | None, bool]:
         """The largest distance that gets a label, and whether each class has a calibrated one as well."""
@@ -277,14 +287,16 @@ class GestureClassifier:
     ) -> np.ndarray:
         return compare(queries, examples, self._settings())
 
-    def _among(
-        self, series: Sequence[Signals | np.ndarray], alive: Callable[[], None], rows: int = 64
-    ) -> np.ndarray:
-        """(N, N) distances among the examples, some rows at a time."""
-        blocks = []
-        for start in range(0, len(series), rows):
+    def _among(self, series: Sequence[Signals | np.ndarray], alive: Callable[[], None]) -> np.ndarray:
+        """(N, N) distances among the examples, as many rows at a time as a kernel does in seconds."""
+        blocks: list[np.ndarray] = []
+        start, rows = 0, 1
+        while start < len(series):
+            begun = time.monotonic()
             blocks.append(self._distances(series[start : start + rows], series))
             alive()
+            start += rows
+            rows = max(1, min(_MOST_ROWS, int(rows * _SECONDS / max(time.monotonic() - begun, 1e-3))))
         return np.concatenate(blocks)
 
     def _check_fitted(self) -> None:

@@ -240,3 +240,18 @@ def test_sizes_of_squares_divide_no_other_costs(change: tuple[str, object]) -> N
         GestureClassifier(settings).fit(poses, labels)
     plain = settings.with_values([("classify.relative", None), ("classify.reject", None)])
     assert GestureClassifier(plain).fit(poses, labels).predict(poses).tolist() == labels
+
+
+@pytest.mark.parametrize("wanted", [-1, 10_000])
+def test_a_number_of_neighbours_that_cannot_be_is_refused_at_fit(wanted: int) -> None:
+    poses, labels = data()
+    with pytest.raises(ConfigError, match="E_NEIGHBORS"):
+        GestureClassifier("paper", n_neighbors=wanted).fit(poses, labels)
+
+
+def test_another_number_of_neighbours_waits_for_the_next_fit() -> None:
+    poses, labels = data()
+    model = GestureClassifier("paper", n_neighbors=0).fit(poses, labels)
+    before = model.predictions(poses)
+    assert model.set_params(n_neighbors=3).predictions(poses) == before
+    assert model.fit(poses, labels).weighing_ is None

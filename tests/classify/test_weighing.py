@@ -14,6 +14,7 @@ from swings import pose, swing
 
 from gesture_core import GestureClassifier, classify_archive
 from gesture_core.archive.run import RunSummary
+from gesture_core.classify import estimator
 from gesture_core.classify.decide import decide
 from gesture_core.classify.evaluation import Labelled, evaluate
 from gesture_core.classify.explanation import explain
@@ -53,11 +54,9 @@ def test_weights_are_those_of_ridge_regression(
         for j in range(count):
             similarity[i, j] = np.exp(-sharpness * within[i, j] / np.sqrt(scales[i] * scales[j]))
     members = np.bincount(codes)
-    targets = np.zeros((count, 3))
-    for i, code in enumerate(codes):
-        targets[i, code] = np.sqrt(members.mean() / members[code])
-    targets -= targets.mean(axis=0)
-    judge = Ridge(alpha=shrinkage, fit_intercept=False, solver="svd").fit(similarity, targets)
+    targets = np.eye(3)[codes] - 1 / 3
+    judge = Ridge(alpha=shrinkage, fit_intercept=False, solver="svd")
+    judge.fit(similarity, targets, sample_weight=members.mean() / members[codes])
     found = learn_weights(within, codes, 3, sharpness, shrinkage)
     np.testing.assert_allclose(found.weights, judge.coef_.T, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(found.scales, np.sqrt(np.array(scales) * np.median(scales)))
@@ -108,6 +107,26 @@ def test_a_class_of_one_example_is_met_beside_a_class_of_many() -> None:
     within = np.linalg.norm(points[:, None] - points[None], axis=2)
     query = np.linalg.norm(np.array([[2.6, 0.1]])[:, None] - points[None], axis=2)
     assert votes_of(query, codes, 2, 0, learned(within, codes)).winners.tolist() == [1]
+
+
+def test_a_class_of_one_example_takes_nothing_from_a_class_of_many() -> None:
+    random = np.random.default_rng(4)
+    points = np.concatenate([random.normal(size=(30, 2)), [[2.5, 0.0]]])
+    codes = np.array([0] * 30 + [1])
+    within = np.linalg.norm(points[:, None] - points[None], axis=2)
+    fresh = random.normal(size=(1000, 2))
+    votes = votes_of(
+        np.linalg.norm(fresh[:, None] - points[None], axis=2), codes, 2, 0, learned(within, codes)
+    )
+    assert (votes.winners == 1).sum() < 20  # the nearest example takes 6
+    assert np.median(votes.margins[votes.winners == 0]) > 0.5
+
+
+@pytest.mark.parametrize("unit", [1e-90, 1e80, 1e150])
+def test_scores_have_no_unit_however_extreme(unit: float) -> None:
+    within, distances, codes = plane(3, 9)
+    plain = learned(within, codes).scores(distances)
+    np.testing.assert_allclose(learned(within * unit, codes).scores(distances * unit), plain, atol=1e-9)
 
 
 def test_what_cannot_be_compared_says_nothing() -> None:
@@ -194,18 +213,27 @@ def test_the_classifier_lets_all_examples_decide() -> None:
     assert GestureClassifier(ALL, n_neighbors=1).fit(poses, labels).weighing_ is None
 
 
-def test_a_large_library_says_that_it_is_alive() -> None:
+def test_a_large_library_says_that_it_is_alive(monkeypatch: pytest.MonkeyPatch) -> None:
     poses, labels, _ = gestures(0, 3)
     signs: list[int] = []
-    whole = GestureClassifier(ALL).fit(poses, labels)
+    monkeypatch.setattr(estimator, "_MOST_ROWS", 4)
     model = GestureClassifier(ALL).fit(poses, labels, alive=lambda: signs.append(1))
-    assert signs == [1]
-    among = model._among(model.library_.series, lambda: signs.append(2), rows=4)
-    assert signs == [1, 2, 2, 2]
-    np.testing.assert_allclose(among, model.distances(poses), rtol=1e-5, atol=1e-7)
-    assert whole.weighing_ is not None
-    assert model.weighing_ is not None
+    assert len(signs) >= 3
+    monkeypatch.setattr(estimator, "_MOST_ROWS", 100)
+    whole = GestureClassifier(ALL).fit(poses, labels)
+    assert model.weighing_ is not None and whole.weighing_ is not None
     np.testing.assert_array_equal(model.weighing_.weights, whole.weighing_.weights)
+
+
+@pytest.mark.parametrize("kernel", ["numba", "numpy"])
+def test_the_bits_of_a_row_depend_on_no_other_row(kernel: str) -> None:
+    poses, labels, _ = gestures(0, 3)
+    queries, _, _ = gestures(1, 2)
+    model = GestureClassifier(ALL, kernel=kernel).fit(poses, labels)
+    together = model.distances(queries)
+    for row, query in zip(together, queries, strict=True):
+        np.testing.assert_array_equal(model.distances([query])[0], row)
+    assert model.predictions(queries) == [model.predictions([query])[0] for query in queries]
 
 
 def test_a_small_margin_gives_no_label() -> None:
