@@ -41,11 +41,14 @@ class Blocks:
         Blocks of all tracks that hold data.
     voids : int
         Stretches among the blocks that are marked as unused.
+    closed : bool
+        The file says how long it is, and is all there.
     """
 
     fault: str = ""
     count: int = 0
     voids: int = 0
+    closed: bool = False
 
 
 def read_blocks(file: BinaryIO) -> Blocks:
@@ -85,7 +88,9 @@ def _walk(file: BinaryIO, end: int) -> Blocks:
         voids += among and name == _VOID
         at += own + length
     short = (segment or 0) - end
-    return Blocks(f"its segment ends {short} bytes after the file" if short > 0 else "", count, voids)
+    if short > 0:
+        return Blocks(f"its segment ends {short} bytes after the file", count, voids)
+    return Blocks("", count, voids, closed=segment is not None)
 
 
 def _header(head: bytes) -> tuple[bytes, int | None, int]:

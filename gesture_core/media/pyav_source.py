@@ -15,7 +15,7 @@ import numpy as np
 
 from gesture_core.media.account import Account
 from gesture_core.media.edits import doubt
-from gesture_core.media.elements import read_blocks
+from gesture_core.media.elements import Blocks, read_blocks
 from gesture_core.media.fragments import read_chain
 from gesture_core.media.info import SQUARE, MediaInfo
 from gesture_core.media.limits import MAX_FPS
@@ -154,8 +154,8 @@ class PyAvSource(Source):
             index = len(getattr(self._stream, "index_entries", ()))
             self._account.trimmed = max(0, declared - index) if declared and index else 0
             declared = self._check_fragments(declared)
-        if self._format == "matroska":
-            self._check_blocks()
+        # Sound may end before the header says; a file that is all there has lost nothing for it.
+        ends = not (self._format == "matroska" and self._check_blocks().closed)
         if self._format == "flv" and len(self._container.streams.video) > 1:
             self._ledger.damage("pictures of a second codec, for which FLV has no room")
         cut = self._account.cut and self._format == "mov"
@@ -166,7 +166,7 @@ class PyAvSource(Source):
         self._account.settle(
             self._ledger,
             declared=declared,
-            duration=self._duration(cut),
+            duration=self._duration(cut) if ends else None,
             tolerance=_DURATION_HOLDS.get(self._format, 0.6),
         )
 
@@ -180,7 +180,7 @@ class PyAvSource(Source):
             self._ledger.damage(f"{unread} bytes of media data belong to no packet")
         return (declared or 0) + chain.samples.get(self._stream.id, 0) or None
 
-    def _check_blocks(self) -> None:
+    def _check_blocks(self) -> Blocks:
         blocks = read_blocks(self._file)
         if blocks.fault:
             self._ledger.damage(f"broken chain of elements: {blocks.fault}")
@@ -188,6 +188,7 @@ class PyAvSource(Source):
         if lost > 0:
             self._ledger.damage(f"blocks that gave no packet: {lost}", lost)
         self._account.holes += blocks.voids
+        return blocks
 
     def _stamp(self, frame: Any) -> float | None:
         if frame.pts is None:

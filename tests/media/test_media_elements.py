@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 from pathlib import Path
 
 import pytest
@@ -38,11 +39,12 @@ def _film(*blocks: bytes, open_end: bool = False) -> bytes:
 def test_blocks_are_counted_with_and_without_groups_and_sizes(open_end: bool) -> None:
     film = io.BytesIO(_film(BLOCK, GROUP, _sized("a3", b"\x81\0\0\x80"), open_end=open_end))
     film.seek(5)
-    assert read_blocks(film) == Blocks(count=3) and film.tell() == 5  # a block without data is no loss
+    # A block without data is no loss.
+    assert read_blocks(film) == Blocks(count=3, closed=not open_end) and film.tell() == 5
 
 
 def test_what_follows_the_segment_may_be_anything() -> None:
-    assert read_blocks(io.BytesIO(_film(BLOCK) + b"padding")) == Blocks(count=2)
+    assert read_blocks(io.BytesIO(_film(BLOCK) + b"padding")) == Blocks(count=2, closed=True)
 
 
 @pytest.mark.parametrize("name", ["a2", "a7", "a1", "9b", "83", "5854", "00", "ff"])
@@ -82,33 +84,46 @@ def test_no_bytes_break_the_walk(noise: bytes, at: int) -> None:
 def test_healthy_files_are_whole(tmp_path: Path, name: str, options: dict[str, str]) -> None:
     write_clip(tmp_path / name, "mjpeg", container_options=options)
     with (tmp_path / name).open("rb") as file:
-        assert read_blocks(file) == Blocks(count=FRAMES)
+        assert read_blocks(file) == Blocks(count=FRAMES, closed=name != "live.mkv")
     with open_video(tmp_path / name, "pyav") as video:
         assert sum(1 for _ in video) == FRAMES
     assert video.report.complete, video.report.notes
 
 
-def test_a_film_with_sound_is_whole(tmp_path: Path) -> None:
-    """Sounds lie several to a block, or in streams that are not looked at."""
+@pytest.mark.parametrize(
+    ("name", "codec", "sound"), [("a.webm", "libvpx", "libopus"), ("a.mkv", "mjpeg", "aac")]
+)
+def test_a_film_with_sound_is_whole(tmp_path: Path, name: str, codec: str, sound: str) -> None:
+    """Sounds lie several to a block, begin before the picture, and end before or after it."""
     import av
     import numpy as np
 
-    path = tmp_path / "sound.webm"
-    with av.open(str(path), "w") as container:
-        pictures, sounds = (
-            container.add_stream("libvpx", rate=25),
-            container.add_stream("libopus", rate=48000),
-        )
-        pictures.width, pictures.height, pictures.pix_fmt = 96, 64, "yuv420p"
+    rate = 48000
+    with av.open(str(tmp_path / name), "w") as container:
+        pictures, sounds = container.add_stream(codec, rate=25), container.add_stream(sound, rate=rate)
+        pictures.width, pictures.height = 96, 64
+        pictures.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
         for index in range(FRAMES):
             picture = av.VideoFrame.from_ndarray(np.full((64, 96, 3), 7 * index, np.uint8), format="bgr24")
             container.mux(pictures.encode(picture))
-            sound = av.AudioFrame.from_ndarray(np.zeros((1, 3840), np.int16), layout="stereo")
-            sound.sample_rate, sound.pts = 48000, 1920 * index
-            container.mux(sounds.encode(sound))
+            wave = av.AudioFrame.from_ndarray(np.zeros((1, 3840), np.int16), layout="stereo")
+            wave.sample_rate, wave.pts = rate, 1920 * index
+            container.mux(sounds.encode(wave))
         container.mux(pictures.encode(None))
         container.mux(sounds.encode(None))
-    with open_video(path, "pyav") as video:
+    with open_video(tmp_path / name, "pyav") as video:
+        assert sum(1 for _ in video) == FRAMES
+    assert video.report.complete, video.report.notes
+
+
+def test_a_header_that_promises_longer_sound_than_there_is_costs_no_picture(tmp_path: Path) -> None:
+    write_clip(tmp_path / "whole.mkv", "mjpeg")
+    data = bytearray((tmp_path / "whole.mkv").read_bytes())
+    at = data.index(bytes.fromhex("448988")) + 3  # Duration, eight bytes of milliseconds
+    (length,) = struct.unpack_from(">d", data, at)
+    struct.pack_into(">d", data, at, length + 60)
+    (tmp_path / "longer.mkv").write_bytes(bytes(data))
+    with open_video(tmp_path / "longer.mkv", "pyav") as video:
         assert sum(1 for _ in video) == FRAMES
     assert video.report.complete, video.report.notes
 
