@@ -6,9 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import numpy as np
+
 from gesture_core.archive.child import MEMORY
 from gesture_core.classify.estimator import GestureClassifier
-from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError
+from gesture_core.errors import ConfigError, GestureError, InputError, PluginError, PoseError
 from gesture_core.plugin import registry
 from gesture_core.settings import Settings
 from gesture_core.types import PoseSequence, Prediction, Signals
@@ -91,7 +93,17 @@ class Decider:
         """Take the first person of an example; a GestureError says why that cannot be."""
         if not people:
             raise PoseError("nobody was found", subject=example.name, code="E_NO_PERSON")
-        self.signals.extend(self._classifier.signals(people[:1]))  # type: ignore[arg-type]
+        (signals,) = self._classifier.signals(people[:1])
+        assert isinstance(signals, Signals)
+        for known, label, name in zip(self.signals, self.labels, self.names, strict=True):
+            if label != example.label and np.array_equal(known.values, signals.values):
+                raise InputError(
+                    f"is called {example.label}, and {name}, with the same movement, {label}",
+                    subject=example.name,
+                    remedy="only the right one of them",
+                    code="E_CONTRADICTION",
+                )
+        self.signals.append(signals)
         self.labels.append(example.label)
         self.names.append(example.name)
 

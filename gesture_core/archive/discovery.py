@@ -86,7 +86,7 @@ def discover(
     Raises
     ------
     InputError
-        Where a source or a path in a manifest does not exist.
+        Where a source or a path in a manifest does not exist, or is listed with two labels.
     """
     if readers is None:
         with Sandbox(LimitSettings()) as sandbox:
@@ -99,7 +99,14 @@ def discover(
                 "is an address", subject=str(source), remedy="downloading it first", code="E_NOT_FOUND"
             )
         for item in walk.source(Path(source)):
-            found.setdefault(item.key, item)
+            known = found.setdefault(item.key, item)
+            if known.label and item.label and known.label != item.label:
+                raise InputError(
+                    f"is listed as {known.label} and as {item.label}",
+                    subject=item.name,
+                    remedy="one line for it in the manifest",
+                    code="E_CONTRADICTION",
+                )
     return list(found.values())
 
 

@@ -6,6 +6,7 @@ in batches, and each input's rows are committed in one transaction.
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -168,7 +169,23 @@ class _Run:
                 remedy=_remedy(failed[0]),
                 code="E_EXAMPLES",
             )
+        self._hold(sorted(_usable(self.plan.examples, failed), key=lambda item: item.key))
         deciding.fit()
+
+    def _hold(self, usable: Sequence[Input]) -> None:
+        """Stop where the rows that are there were decided by other examples than can be used now."""
+        library = hashlib.sha256(b"\0".join(item.key for item in usable)).hexdigest()
+        before = self.journal.get("library")
+        decided = self.journal.counts().keys() & {"ok", "degraded", "rejected"}
+        if before not in (None, library) and decided:
+            raise ConfigError(
+                "other examples can be used now than when its rows were decided",
+                subject=str(self.request.out),
+                kept="its rows and all keypoints",
+                remedy="--overwrite to decide all of them by the same examples (keypoints are reused)",
+                code="E_CONFIG_CHANGED",
+            )
+        self.journal.set({"library": library})
 
     def _example(self, deciding: Deciding, item: Input, outcome: Outcome | None) -> Row | None:
         """The row that says why an example cannot be used."""

@@ -27,7 +27,9 @@ from gesture_core.plugin import registry
 from gesture_core.settings import Settings
 
 # What lies beside clips and never is one: notes, subtitles, thumbnails, and what file managers leave.
-_COMPANIONS = frozenset(".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .ini .db .lnk".split())
+_COMPANIONS = frozenset(
+    ".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .xml .yaml .yml .toml .ini .db .lnk".split()
+)
 
 
 @dataclass(frozen=True)

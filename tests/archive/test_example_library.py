@@ -13,7 +13,7 @@ from troubles import write_clip
 
 from gesture_core import classify_archive, load_poses
 from gesture_core.archive.run import RunSummary
-from gesture_core.errors import InputError
+from gesture_core.errors import ConfigError, InputError
 
 
 @pytest.fixture
@@ -75,6 +75,14 @@ def test_load_poses_warns_of_what_it_leaves_out(folder: Path) -> None:
         assert len(load_poses(folder / "videos", "paper")) == 2
 
 
+def test_a_manifest_with_one_clip_under_two_labels_is_refused(folder: Path) -> None:
+    clips = [(folder / "examples" / label / "1.npz", label) for label in ("right", "left")]
+    lines = [f"{path},{label}" for path, label in [*clips, (clips[0][0], "right"), (clips[0][0], "up")]]
+    (folder / "list.csv").write_text("path,label\n" + "\n".join(lines))
+    with pytest.raises(InputError, match=r"E_CONTRADICTION.*is listed as right and as up"):
+        classify_archive(folder / "videos", folder / "list.csv", folder / "run", "paper")
+
+
 def test_one_clip_under_two_labels_decides_nothing(folder: Path) -> None:
     write_clip(folder / "examples" / "left" / "2.npz", 36, 7, seed=2)
     twin = folder / "examples" / "right" / "twin.npz"
@@ -117,3 +125,26 @@ def test_what_files_do_not_say_is_counted_as_assumed(folder: Path) -> None:
         "classify", folder / "videos", "--examples", folder / "examples", "--out", folder / "third"
     )
     assert json.loads(done.stderr.splitlines()[-1])["assumed"] == {"30 frames/s (pose.fps)": 1}
+
+
+def test_the_same_movement_in_another_file_under_another_label_is_said(folder: Path) -> None:
+    with np.load(folder / "examples" / "right" / "1.npz") as data:
+        (folder / "examples" / "up").mkdir()
+        np.savez_compressed(folder / "examples" / "up" / "copy.npz", **data)
+    summary = run(folder)
+    assert [(row.code, Path(row.input).name) for row in summary.failed_examples] == [
+        ("E_CONTRADICTION", "copy.npz")
+    ]
+    assert summary.exit_code == 3 and labels_of(summary) == {"right": "right", "left": "left"}
+
+
+def test_rows_of_one_run_are_decided_by_the_same_examples(folder: Path) -> None:
+    """An example that was too long for the limits is not, once the limit is gone; its hash is the same."""
+    write_clip(folder / "examples" / "right" / "long.npz", 60, 4, seed=3)
+    (failed,) = run(folder, limits__frames=50).failed_examples
+    assert failed.code == "E_KEYPOINTS_LIMIT"
+    write_clip(folder / "videos" / "third.npz", 30, 4, seed=5)
+    with pytest.raises(ConfigError, match=r"E_CONFIG_CHANGED.*other examples"):
+        run(folder)
+    summary = run(folder, overwrite=True)
+    assert not summary.failed_examples and len(list(summary.rows())) == 3
