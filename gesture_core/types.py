@@ -341,7 +341,7 @@ class Prediction:
     status : str
         `ok`, `degraded`, `rejected`, `skipped` or `error`.
     distance : float or None
-        Warping distance to the nearest example, in the unit of the signals.
+        Warping distance to the nearest example of the winning class.
     margin : float or None
         Distance to the nearest example of any other class minus `distance`, as the vote's winner
         sees it; the lead of the winner's score, 0 to about 1, where all examples decide

@@ -27,11 +27,9 @@ class Row:
     label : str or None
         The gesture; only rows with the status ``ok`` or ``degraded`` have one.
     distance : float or None
-        Warping distance to the nearest example of the winning class.
     margin : float or None
-        Distance of the nearest other class minus ``distance``.
     neighbors : tuple of (example, label, distance)
-        The k nearest examples.
+        As in `Prediction`.
     status : str
         ``ok``, ``degraded``, ``rejected``, ``skipped`` or ``error``.
     code, message : str

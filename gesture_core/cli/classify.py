@@ -22,7 +22,7 @@ def classify(
     flags: Flags | None = None,
     run: RunFlags | None = None,
 ) -> int:
-    """Label every input by its nearest example gesture.
+    """Label every input by the example gestures that it resembles.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ app = App(
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
 
 _COMMANDS = {
-    "classify": "Label every input by its nearest example gesture.",
+    "classify": "Label every input by the example gestures that it resembles.",
     "extract": "Find keypoints only, and write them to files.",
     "evaluate": "Measure the accuracy of a preset on a labelled archive.",
     "explain": "Show why an input of a run got its label.",
