@@ -193,7 +193,7 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
 
     near, far = found.nearest, found.runner_up
     print(f"{visible(row.input)}: {row.label or '-'} ({row.status}{' ' + row.code if row.code else ''})")
-    for which, side in (("nearest", near), ("runner-up", far)):
+    for which, side in (("answer", near), ("runner-up", far)):
         if side is not None:
             mirror = ", mirrored" if side.mirrored else ""
             print(f"  {which:<10} {side.label:<16} {side.distance:.4g}{mirror}  {visible(side.example)}")

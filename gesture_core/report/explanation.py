@@ -70,7 +70,7 @@ def _path(axes: Any, side: Alignment, channel: int, *, first: bool) -> None:
     axes.set_ylabel("query, seconds", fontsize=8)
     axes.tick_params(labelsize=7)
     mirror = " (mirrored)" if side.mirrored else ""
-    which = "nearest" if first else "runner-up"
+    which = "answer" if first else "runner-up"
     axes.set_title(f"{which}: {side.label}{mirror}, {side.distance:.3g}", fontsize=9)
 
 

@@ -196,7 +196,7 @@ def test_explain_says_why(
     assert run(["explain", "run", "up_C.npy"]) == 0
     said = capsys.readouterr()
     assert "up (ok)" in said.out
-    assert "nearest    up" in said.out
+    assert "answer     up" in said.out
     assert "right_wrist_y" in said.out
     plot = Path("run/explain-up_C.npy.png")
     assert plot.read_bytes().startswith(b"\x89PNG")
