@@ -29,7 +29,7 @@ def classify(
     sources
         Videos, keypoint files (OpenPose JSON, npz, npy, csv, parquet), folders, globs or manifests.
     examples
-        Examples as <label>/<clip>; may be repeated.
+        Examples as <label>/<clip>; --examples again for each further folder.
     out
         The run folder: run.db holds the result. The same command again goes on where it stopped.
     labels
