@@ -21,6 +21,8 @@ def one_thread() -> None:
 
 def header(more: Mapping[str, str] | None = None) -> None:
     """Print it."""
+    from gesture_core.dtw.cores import usable_cores
+
     cpu = platform.processor()
     info = Path("/proc/cpuinfo")
     if info.exists():
@@ -28,7 +30,7 @@ def header(more: Mapping[str, str] | None = None) -> None:
         cpu = names[0] if names else cpu
     print(f"{' '.join(['python', *(Path(part).name for part in sys.argv)])}")
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
-    print(f"{cpu}, {len(os.sched_getaffinity(0))} cores, load {load:.1f}, Python {platform.python_version()}")
+    print(f"{cpu}, {usable_cores()} cores, load {load:.1f}, Python {platform.python_version()}")
     found = []
     for name in PACKAGES:
         try:

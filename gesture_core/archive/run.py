@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gesture_core.archive.journal import open_journal
 from gesture_core.archive.rows import Row
+from gesture_core.dtw.cores import usable_cores
 from gesture_core.paths import cache_dir
 from gesture_core.settings import Settings
 
@@ -118,8 +119,7 @@ class RunSummary:
 
 def default_workers(tasks: int) -> int:
     """One worker for each core that this process may use, and no more than there are tasks."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(cores, tasks))
+    return max(1, min(usable_cores(), tasks))
 
 
 def threads_for(workers: int) -> int:
