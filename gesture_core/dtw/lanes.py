@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gesture_core.dtw.bands import allowed_cells, has_holes, is_banded, row_spans
+from gesture_core.dtw.gradients import lane_gradients
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
 
@@ -244,8 +245,6 @@ class LaneKernel(ABC):
 
     def warp_gradients(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(P,), (n_max, C, P), (m_max, C, P): soft accumulated costs and their gradients."""
-        from gesture_core.dtw.soft import lane_gradients
-
         assert lanes.gamma is not None
         return lane_gradients(lanes.x, lanes.y, lanes.n, lanes.m, inside(lanes), lanes.gamma, lanes.cost)
 
