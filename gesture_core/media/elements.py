@@ -21,9 +21,10 @@ _CLUSTER = frozenset(bytes.fromhex(name) for name in "e7 5854 a7 ab a3 a0".split
 # Block, BlockAdditions, BlockDuration, ReferencePriority, ReferenceBlock, CodecState, DiscardPadding, Slices.
 _GROUP = frozenset(bytes.fromhex(name) for name in "a1 75a1 9b fa fb a4 75a2 8e".split())
 _NUMBERS = frozenset(bytes.fromhex(name) for name in "e7 a7 ab 9b fa fb 75a2".split())
-_ENTERED = frozenset(bytes.fromhex(name) for name in "18538067 1f43b675 a0".split())
 _BLOCKS = frozenset((b"\xa3", b"\xa1"))
-_SEGMENT, _GROUP_BEGINS, _VOID = bytes.fromhex("18538067"), b"\xa0", b"\xec"
+_SEGMENT, _CLUSTER_BEGINS = bytes.fromhex("18538067"), bytes.fromhex("1f43b675")
+_GROUP_BEGINS, _VOID, _CHECKSUM = b"\xa0", b"\xec", b"\xbf"
+_ENTERED = frozenset((_SEGMENT, _CLUSTER_BEGINS, _GROUP_BEGINS))
 # A block without a picture has only its own header: track, time, flags.
 _EMPTY = 4
 _MAX_ELEMENTS = 5_000_000
@@ -82,15 +83,15 @@ def _walk(file: BinaryIO, end: int) -> Blocks:
             segment = at + own + size
         if name == _GROUP_BEGINS and size is not None:
             group = at + own + size
-        if name in _TOP and name != _VOID and len(name) == 4:
-            among = name == bytes.fromhex("1f43b675")
+        if name in _TOP and name not in (_VOID, _CHECKSUM):
+            among = name == _CLUSTER_BEGINS
         count += name in _BLOCKS and length > _EMPTY
         voids += among and name == _VOID
         at += own + length
     short = (segment or 0) - end
     if short > 0:
         return Blocks(f"its segment ends {short} bytes after the file", count, voids)
-    return Blocks("", count, voids, closed=segment is not None)
+    return Blocks("", count, voids, closed=segment is not None and at >= segment)
 
 
 def _header(head: bytes) -> tuple[bytes, int | None, int]:

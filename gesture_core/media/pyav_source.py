@@ -154,8 +154,9 @@ class PyAvSource(Source):
             index = len(getattr(self._stream, "index_entries", ()))
             self._account.trimmed = max(0, declared - index) if declared and index else 0
             declared = self._check_fragments(declared)
-        # Sound may end before the header says; a file that is all there has lost nothing for it.
-        ends = not (self._format == "matroska" and self._check_blocks().closed)
+        whole = False
+        if self._format == "matroska":
+            whole = self._check_blocks().closed
         if self._format == "flv" and len(self._container.streams.video) > 1:
             self._ledger.damage("pictures of a second codec, for which FLV has no room")
         cut = self._account.cut and self._format == "mov"
@@ -166,7 +167,8 @@ class PyAvSource(Source):
         self._account.settle(
             self._ledger,
             declared=declared,
-            duration=self._duration(cut) if ends else None,
+            # Sound may end before the header says; a file that is all there has lost nothing for it.
+            duration=None if whole else self._duration(cut),
             tolerance=_DURATION_HOLDS.get(self._format, 0.6),
         )
 

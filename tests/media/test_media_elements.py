@@ -11,6 +11,7 @@ from clips import FRAMES, write_clip
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gesture_core.media import elements
 from gesture_core.media.elements import Blocks, read_blocks
 from gesture_core.media.reader import open_video
 
@@ -55,6 +56,11 @@ def test_a_block_of_another_name_breaks_the_chain(name: str) -> None:
 def test_unused_space_among_blocks_is_told() -> None:
     assert read_blocks(io.BytesIO(_film(BLOCK, _sized("ec", bytes(24))))).voids == 1
     assert read_blocks(io.BytesIO(_sized("ec", bytes(24)) + _film(BLOCK))).voids == 0
+
+
+def test_a_walk_that_was_given_up_says_nothing_of_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(elements, "_MAX_ELEMENTS", 4)
+    assert not read_blocks(io.BytesIO(_film(BLOCK, BLOCK))).closed
 
 
 @given(st.integers(0, 150))
