@@ -30,6 +30,7 @@ from gesture_pose_onnx.training import (  # noqa: E402
 from gesture_pose_onnx.training import settings as settings_module  # noqa: E402
 from gesture_pose_onnx.training.batches import Batches, leg_of  # noqa: E402
 from gesture_pose_onnx.training.cutout import PERSON, cut_out  # noqa: E402
+from gesture_pose_onnx.training.grow import grow  # noqa: E402
 from gesture_pose_onnx.training.store import Store, Writer  # noqa: E402
 from gesture_pose_onnx.training.train import train  # noqa: E402
 
@@ -143,6 +144,35 @@ def test_an_interrupted_training_goes_on_and_the_export_is_the_same_network(
     path = tmp_path / "tiny.onnx"
     assert len(export.export(straight, path, 96)) == 64
     _both_runtimes_agree(path)
+
+
+def test_a_network_that_grows_answers_as_before() -> None:
+    torch.manual_seed(5)
+    small = network.Compact((4, 4, 8, 8, 8), (1, 1, 2, 1), 2, 8)
+    for module in small.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            for values in (module.weight, module.running_var):
+                torch.nn.init.uniform_(values, 0.5, 2)
+            torch.nn.init.normal_(module.bias)
+            torch.nn.init.normal_(module.running_mean)
+    large = network.Compact((4, 4, 8, 12, 16), (1, 1, 4, 2), 2, 8)
+    grow(small, large)
+    picture = torch.rand(2, 3, 64, 64) * 255
+    with torch.no_grad():
+        assert torch.allclose(small.eval()(picture), large.eval()(picture), atol=1e-6)
+    with pytest.raises(ValueError, match="does not fit"):
+        grow(large, network.Compact((4, 4, 8, 8, 16), (1, 1, 4, 2), 2, 8))
+
+
+def test_a_training_grows_at_its_step(batches: Batches, tmp_path: Path) -> None:
+    wide = {**TINY["network"], "widths": [4, 4, 8, 12, 8]}
+    table = {**TINY, "first": TINY["network"], "network": wide, "grow_at": 2}
+    settings = settings_module.parse(table)
+    straight = train(batches, settings, tmp_path, progress=False)
+    assert straight.stride16[0].body[-1].num_features == 12
+    state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
+    assert state["step"] == 4
+    assert settings.network_at(1) == settings.first and settings.network_at(2) == settings.network
 
 
 def _both_runtimes_agree(path: Path) -> None:

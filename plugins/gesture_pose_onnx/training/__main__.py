@@ -16,7 +16,7 @@ from . import settings as settings_module
 from .batches import Batches
 from .export import export
 from .label import label
-from .network import Compact
+from .network import Compact, build
 from .render import render
 from .scenes import harvest, patches
 from .settings import Settings
@@ -41,9 +41,9 @@ def _open_or_make(folder: Path, make: object) -> Store:
 
 def network_of(work: Path, settings: Settings) -> Compact:
     """The averaged weights of the last checkpoint."""
-    kind = settings.network
-    model = Compact(kind.widths, kind.depths, kind.expand, kind.neck, kind.fused)
-    model.load_state_dict(torch.load(work / "checkpoint.pt", weights_only=True)["slow"])
+    state = torch.load(work / "checkpoint.pt", weights_only=True)
+    model = build(settings.network_at(state["step"] - 1))
+    model.load_state_dict(state["slow"])
     return model.eval()
 
 

@@ -11,6 +11,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from .settings import Network
+
 JOINTS = 18
 STRIDE = 4
 
@@ -120,3 +122,8 @@ class Compact(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         heat = self.heat(x)
         return torch.cat([heat, 1 - heat.amax(dim=1, keepdim=True)], dim=1)
+
+
+def build(kind: Network) -> Compact:
+    """An untrained network of these sizes."""
+    return Compact(kind.widths, kind.depths, kind.expand, kind.neck, kind.fused)

@@ -61,7 +61,13 @@ class Settings:
     minutes: float = 0.0  # stop after so many minutes of training, 0 for no limit
     data: Data = field(default_factory=Data)
     network: Network = field(default_factory=Network)
+    first: Network | None = None  # what the training begins with, where it grows on the way
+    grow_at: int = 0  # step at which `first` becomes `network`
     schedule: tuple[Schedule, ...] = (Schedule(steps=1000),)
+
+    def network_at(self, step: int) -> Network:
+        """What is trained at ``step``."""
+        return self.first if self.first is not None and step < self.grow_at else self.network
 
 
 def _leaf(kind: type, table: dict[str, object], where: str) -> object:
@@ -83,5 +89,8 @@ def parse(table: dict[str, object]) -> Settings:
     rest = dict(table)
     data = _leaf(Data, rest.pop("data", {}), "data")  # type: ignore[arg-type]
     network = _leaf(Network, rest.pop("network", {}), "network")  # type: ignore[arg-type]
+    first = rest.pop("first", None)
+    begins = None if first is None else _leaf(Network, first, "first")  # type: ignore[arg-type]
     legs = tuple(_leaf(Schedule, leg, "schedule") for leg in rest.pop("schedule", [{"steps": 1000}]))  # type: ignore[arg-type,attr-defined]
-    return _leaf(Settings, {**rest, "data": data, "network": network, "schedule": legs}, "the file")  # type: ignore[return-value]
+    whole = {**rest, "data": data, "network": network, "first": begins, "schedule": legs}
+    return _leaf(Settings, whole, "the file")  # type: ignore[return-value]
