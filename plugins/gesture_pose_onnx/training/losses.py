@@ -8,7 +8,8 @@ from torch import Tensor
 from .joints import NAMES
 from .network import STRIDE
 
-IMPORTANCE = torch.tensor([3.0 if "wrist" in n else 2.0 if "elbow" in n else 1.0 for n in NAMES])
+_WEIGHTS = {"wrist": 3.0, "elbow": 3.0, "eye": 0.5, "ear": 0.5}
+IMPORTANCE = torch.tensor([_WEIGHTS.get(name.split("_")[-1], 1.0) for name in NAMES])
 """(18,) weight of each joint: arms make gestures, and they are the hardest to find."""
 
 WINDOW = 3  # cells to each side of a joint that the soft-argmax looks at
