@@ -9,7 +9,7 @@ import numpy as np
 
 from gesture_core.classify.comparison import comparable, pair_factors, takes_parts
 from gesture_core.classify.library import ExampleLibrary
-from gesture_core.classify.neighbors import weigh
+from gesture_core.classify.neighbors import Votes, k_nearest, speakers, votes_of
 from gesture_core.classify.separate import part_spec, parts, take
 from gesture_core.classify.weighing import Weighing
 from gesture_core.dtw.spec import DtwSpec
@@ -70,7 +70,7 @@ class Voice:
     similarity : float
         0 to 1.
     says : float
-        What it adds to the score of the nearest class minus that of the runner-up.
+        What it adds to the score of the class that won minus that of the runner-up.
     """
 
     example: str
@@ -82,16 +82,20 @@ class Voice:
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """The nearest example of the class that won, and that of the runner-up (None with one class).
+    """The query against its answer and against the runner-up.
 
     Attributes
     ----------
     nearest : Alignment
+        The nearest example of the class that won. One of another class may be nearer still, where
+        several neighbours vote or all examples decide.
     runner_up : Alignment or None
+        The nearest example of the class with the second highest score where all examples decide,
+        otherwise the nearest one of any other class; None with one class.
     voices : tuple of Voice
         Of all examples, the loudest first, where all of them decide; what they say adds up to `lead`.
     lead : float
-        Score of the winner minus that of the runner-up; 0 where the nearest example decides.
+        Score of the winner minus that of the runner-up; 0 where the nearest examples vote.
     """
 
     nearest: Alignment
@@ -117,6 +121,7 @@ def explain(
     distances : (N,) float array
         The query's distances to the examples, as `comparison.compare` gives them.
     settings : Settings
+        With the number of neighbours that vote, where ``weighing`` is not given.
     weighing : Weighing, optional
         What each example says, where all of them decide.
 
@@ -125,44 +130,35 @@ def explain(
     InputError
         E_NO_COMMON where no example can be compared with the query.
     """
-    clean = np.where(np.isnan(distances), np.inf, distances)
-    order = np.argsort(clean, kind="stable")
-    first = int(order[0])
-    if not np.isfinite(clean[first]):
+    row, codes = np.where(np.isnan(distances), np.inf, distances)[None], library.codes
+    neighbors = min(max(1, settings.classify.neighbors), len(library))
+    votes = votes_of(row, codes, len(library.classes), neighbors, weighing)
+    if votes.winners[0] < 0:
         raise InputError("no example has a dimension in common with this input", code="E_NO_COMMON")
-    if weighing is not None:
-        return _weighed(query, library, clean, settings, weighing)
-    others = [int(i) for i in order if library.labels[i] != library.labels[first] and np.isfinite(clean[i])]
-    return Explanation(
-        align(query, library, first, settings),
-        align(query, library, others[0], settings) if others else None,
-    )
-
-
-def _weighed(
-    query: Signals, library: ExampleLibrary, distances: np.ndarray, settings: Settings, weighing: Weighing
-) -> Explanation:
-    """The two best classes by their nearest examples, and what each example says about these two."""
-    codes = library.codes
-    votes = weigh(distances[None], codes, len(library.classes), weighing)
-    assert votes.order is not None
-    first, *others = (
-        int(np.where(codes == c, distances, np.inf).argmin())
-        for c in votes.order[0]
-        if np.isfinite(distances[codes == c]).any()
-    )
+    first, *others = _best_two(row, codes, votes)
     nearest = align(query, library, first, settings)
     if not others:
         return Explanation(nearest, None)
-    said = weighing.voices(distances[None])[0]
+    runner_up = align(query, library, others[0], settings)
+    if weighing is None:
+        return Explanation(nearest, runner_up)
+    said = weighing.voices(row)[0]
     says = said[:, codes[first]] - said[:, codes[others[0]]]
-    similarities = weighing.similarities(distances[None])[0]
-    voices = tuple(
-        Voice(library.names[i], str(library.labels[i]), float(distances[i]), float(s), float(says[i]))
-        for i, s in enumerate(similarities)
-    )
+    voices = [
+        Voice(library.names[i], str(library.labels[i]), float(row[0, i]), float(similarity), float(says[i]))
+        for i, similarity in enumerate(weighing.similarities(row)[0])
+    ]
     loudest = tuple(sorted(voices, key=lambda voice: -abs(voice.says)))
-    return Explanation(nearest, align(query, library, others[0], settings), loudest, float(says.sum()))
+    return Explanation(nearest, runner_up, loudest, float(says.sum()))
+
+
+def _best_two(row: np.ndarray, codes: np.ndarray, votes: Votes) -> list[int]:
+    """The nearest example of the winner and that of the runner-up, if any, in a row (1, N) of distances."""
+    if votes.order is not None:
+        return speakers(row, codes, votes)[0][:2].tolist()
+    own = codes == votes.winners[0]
+    sides = [k_nearest(np.where(side, row, np.inf)) for side in (own, ~own)]
+    return [int(side.indices[0, 0]) for side in sides if np.isfinite(side.distances[0, 0])]
 
 
 def align(query: Signals, library: ExampleLibrary, index: int, settings: Settings) -> Alignment:
@@ -262,18 +258,13 @@ def channel_costs(
 def _warp(x: np.ndarray, y: np.ndarray, spec: DtwSpec, group: np.ndarray) -> tuple[np.ndarray, float]:
     """The cheapest path and its accumulated cost; a soft warping is shown by its hard path."""
     from gesture_core.dtw.bands import allowed_cells
+    from gesture_core.dtw.paths import backtrack, least_costs
     from gesture_core.dtw.reference import accumulate, local_costs
 
     cost, cells = local_costs(x, y, spec, group), allowed_cells(len(x), len(y), spec)
-    table = accumulate(cost, cells, 0.0)
-    i, j = len(x) - 1, len(y) - 1
-    path = [(i, j)]
-    while i or j:
-        steps = [(i - 1, j - 1), (i - 1, j), (i, j - 1)]
-        i, j = min((s for s in steps if min(s) >= 0), key=lambda s: table[s])
-        path.append((i, j))
+    table = least_costs(cost, cells)
     total = table[-1, -1] if spec.gamma is None else accumulate(cost, cells, spec.gamma)[-1, -1]
-    return np.array(path[::-1], np.int64), float(total)
+    return backtrack(table), float(total)
 
 
 def _finish(total: float, length: int, spec: DtwSpec) -> float:
@@ -283,7 +274,7 @@ def _finish(total: float, length: int, spec: DtwSpec) -> float:
 
 
 def contrast(explanation: Explanation) -> Sequence[int]:
-    """Channels in the order of how much they speak for the nearest class against the runner-up."""
+    """Channels in the order of how much they speak for the winner against the runner-up."""
     near = explanation.nearest.costs
     far = np.zeros_like(near) if explanation.runner_up is None else explanation.runner_up.costs
     gain = far - near if explanation.runner_up is not None else near

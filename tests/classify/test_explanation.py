@@ -72,6 +72,20 @@ def test_a_decision_is_explained_by_the_distances_that_made_it(preset: str, tmp_
     _check_picture(path)
 
 
+def test_what_several_neighbours_voted_for_is_explained_and_not_the_nearest_example() -> None:
+    settings = load_settings("paper", ["neighbors=3"], environment={})
+    sizes = {"one": 93, "two": 100, "three": 101}
+    poses = [pose(swing(size=size)) for size in sizes.values()]
+    model = GestureClassifier(settings).fit(poses, ["near", "many", "many"], list(sizes))
+    (query,) = model.signals([pose(swing(size=94))])
+    (answer,) = model.predictions([query])
+    found = explain(query, model.library_, model.distances([query])[0], settings)
+    assert found.runner_up is not None
+    assert (found.nearest.label, found.nearest.example) == (answer.label, "two") == ("many", "two")
+    assert (found.runner_up.label, found.runner_up.example) == ("near", "one")
+    assert found.runner_up.distance - found.nearest.distance == pytest.approx(answer.margin, rel=1e-3)
+
+
 def test_one_class_has_no_runner_up_and_still_a_plot(tmp_path: Path) -> None:
     model = GestureClassifier("paper").fit([pose(swing())], ["up"])
     (query,) = model.signals([pose(swing(size=80))])
