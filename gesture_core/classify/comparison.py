@@ -82,8 +82,26 @@ def compare(
 
 
 def check_settings(settings: Settings) -> None:
-    """A ConfigError where `classify.relative` would divide what does not grow as sizes do."""
-    if settings.classify.relative is not None and (settings.dtw.cost != "squared" or settings.dtw.root):
+    """A ConfigError where the decision would multiply or divide what is no measure of it.
+
+    Squares of sizes divide squared costs alone (`classify.relative`), and a factor makes a negative
+    distance nearer that should be farther: soft distances may be below zero, and take none.
+    """
+    chosen = settings.classify
+    factors = {
+        "neighbors=1": chosen.neighbors == 0,
+        "mirror=none": chosen.mirror is not None,
+        "coverage=false": chosen.coverage,
+        "relative=none": chosen.relative is not None,
+    }
+    if settings.dtw.gamma is not None and any(factors.values()):
+        sets = " ".join(f"--set classify.{without}" for without, there in factors.items() if there)
+        raise ConfigError(
+            "dtw.gamma makes distances that may be negative, which cannot be weighed by a factor",
+            remedy=f"--set dtw.gamma=none, or {sets}",
+            code="E_OPTION",
+        )
+    if chosen.relative is not None and (settings.dtw.cost != "squared" or settings.dtw.root):
         raise ConfigError(
             f"classify.relative divides sums of squares, and dtw.cost = {settings.dtw.cost}, "
             f"dtw.root = {str(settings.dtw.root).lower()} are none",

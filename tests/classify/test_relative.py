@@ -130,6 +130,19 @@ def test_explanations_add_up_to_what_was_compared(
         assert found.path_of(channel)[-1].tolist() == [len(x) - 1, len(y) - 1]
 
 
+@pytest.mark.parametrize(
+    "factor", [{"neighbors": 0}, {"mirror": 1.1}, {"coverage": True}, {"relative": 1.0}, {}]
+)
+def test_soft_distances_may_be_negative_and_take_no_factor(factor: dict[str, object]) -> None:
+    settings = under(**{"neighbors": 1, **factor})
+    settings = replace(settings, dtw=settings.dtw.replace(gamma=1.0))
+    if not factor:
+        assert compare(some(1, 1), some(1, 1), settings)[0, 0] < 0
+        return
+    with pytest.raises(ConfigError, match=f"gamma=none, or --set classify.{next(iter(factor))}="):
+        compare(some(1, 1), some(1, 1), settings)
+
+
 @pytest.mark.parametrize("text", ["classify.relative=2", "classify.rest=-1", "classify.separate=maybe"])
 def test_wrong_values_are_refused(text: str) -> None:
     with pytest.raises(ConfigError, match=r"classify\."):
