@@ -124,6 +124,8 @@ class _Walk:
             for entry, label in entries:
                 if not entry.exists():
                     raise _not_found(entry, f"listed in {printable(os.fspath(path))}")
+                if label:  # a folder inside another one has been walked into, by another label perhaps
+                    self._been.clear()
                 for item in self.path(entry):
                     yield replace(item, label=label) if label else item
         elif path.exists():

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import difflib
 import os
 import re
+import unicodedata
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -43,15 +45,91 @@ def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
                 lines = [line.rstrip("\r\n") for line in file]
                 entries = [line for line in lines if line.strip() and not line.startswith("#")]
                 return [(path.parent / entry, None) for entry in entries]
-            rows = csv.DictReader(file)
-            column = next((c for c in _PATH_COLUMNS if c in (rows.fieldnames or ())), None)
-            if column is None:
+            mark, columns = _header(file.readline())
+            place = _path_column(columns)
+            if place is None:
                 return None
-            return [(path.parent / row[column], row.get("label") or None) for row in rows if row[column]]
+            label = columns.index("label") if "label" in columns else len(columns)
+            return [
+                (path.parent / cells[place], (cells[label].strip() if label < len(cells) else "") or None)
+                for cells in csv.reader(file, delimiter=mark)
+                if place < len(cells) and cells[place]
+            ]
     except (OSError, csv.Error) as error:
         raise InputError(
             f"not a manifest: {error}", subject=printable(os.fspath(path)), code="E_MANIFEST"
         ) from None
+
+
+def _header(line: str) -> tuple[str, list[str]]:
+    """The separator of a table (spreadsheets write others than commas) and the names of its columns."""
+    found = {
+        mark: [name.strip().casefold() for name in next(csv.reader([line], delimiter=mark), [])]
+        for mark in ",;\t"
+    }
+    mark = next((mark for mark in found if _path_column(found[mark]) is not None), ",")
+    return mark, found[mark]
+
+
+def _path_column(columns: Sequence[str]) -> int | None:
+    return next((columns.index(name) for name in _PATH_COLUMNS if name in columns), None)
+
+
+class _Table:
+    """Labels by path, from a CSV file with the columns ``path`` and ``label``."""
+
+    def __init__(self, path: Path) -> None:
+        self._folder = path.parent
+        entries = read_manifest(path) if path.is_file() else None
+        if entries is None or not any(label for _, label in entries):
+            raise ConfigError(
+                _lacking(path) if path.is_file() else "no such file",
+                subject=str(path),
+                remedy="its first line: path,label" if path.is_file() else "check the path",
+                code="E_LABELS",
+            )
+        self._labels: dict[str, str | None] = {}
+        for entry, label in entries:
+            spelled = _spelling(entry.resolve())
+            known = self._labels.get(spelled)
+            if known and label and known != label:
+                raise InputError(
+                    f"is listed as {known} and as {label}",
+                    subject=printable(os.fspath(entry)),
+                    remedy=f"one line for it in {path}",
+                    code="E_CONTRADICTION",
+                )
+            self._labels[spelled] = known or label
+
+    def __call__(self, item: Input) -> str | None:
+        return self._labels.get(_spelling(item.path.resolve()))
+
+    def fault(self, item: Input) -> str:
+        """Why ``item`` has no label."""
+        name = _spelling(item.path.resolve())
+        if name in self._labels:
+            return "its line there has no label"
+        near = difflib.get_close_matches(name, self._labels, 1, 0.8)
+        shown = os.path.relpath(near[0], self._folder.resolve()) if near else ""
+        return "it has no line for it" + (f", {printable(shown)!r} is near" if near else "")
+
+
+def _lacking(path: Path) -> str:
+    """What keeps a table from having labels."""
+    with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+        line = file.readline()
+    _, columns = _header(line)
+    if not line.strip():
+        return "is empty"
+    if "label" in columns and _path_column(columns) is not None:
+        return "has no label in any line"
+    missing = "path" if _path_column(columns) is None else "label"
+    return f"has no column {missing!r}, but {printable(', '.join(columns))[:200]}"
+
+
+def _spelling(path: Path) -> str:
+    """A path with its accents in one form: some systems take letters and accents apart, others do not."""
+    return unicodedata.normalize("NFC", os.fspath(path))
 
 
 def label_inputs(items: Sequence[Input], labels: str, roots: Sequence[str | os.PathLike[str]]) -> list[Input]:
@@ -76,10 +154,10 @@ def label_inputs(items: Sequence[Input], labels: str, roots: Sequence[str | os.P
     find = _labeller(labels, [Path(root) for root in roots])
     labelled = []
     for item in items:
-        label = printable(item.label or find(item) or "")
+        label = _word(item.label or find(item) or "")
         if not label and item.kind not in ("broken", "other"):
             raise ConfigError(
-                f"no label for {item.name} by {labels!r}",
+                f"no label for {item.name} by {labels!r}{_fault(item, find, labels, roots)}",
                 remedy=_remedy(item, labels),
                 code="E_LABELS",
             )
@@ -98,9 +176,28 @@ def search_name(pattern: re.Pattern[str], item: Input) -> re.Match[str] | None:
     return pattern.search(item.member or item.path.name)
 
 
+def _word(label: str) -> str:
+    """``label`` without spaces around it and with its accents in one form, fit for SQLite and JSON."""
+    return printable(unicodedata.normalize("NFC", label.strip()))
+
+
+def _fault(
+    item: Input, find: Callable[[Input], str | None], labels: str, roots: Sequence[str | os.PathLike[str]]
+) -> str:
+    """Why there is no label, where more can be said than by whom."""
+    if isinstance(find, _Table):
+        return f": {find.fault(item)}"
+    if labels == "folder":
+        root = next((r for r in map(Path, roots) if item.path.is_relative_to(r)), None)
+        return f": it lies in no folder below {printable(os.fspath(root))}" if root else ""
+    return ""
+
+
 def _remedy(item: Input, labels: str) -> str:
     if labels == "folder" and item.kind == "keypoints" and item.path.is_dir():
         return f"a folder for each clip, such as {item.name}/1/*_keypoints.json"
+    if labels.lower().endswith(".csv"):
+        return "a line for it, its path as seen from the folder of the table"
     return (
         "examples/<label>/<clip>, a CSV file with path and label, or a regular expression "
         "(one with a / is searched in the whole path)"
@@ -111,17 +208,7 @@ def _labeller(labels: str, roots: Sequence[Path]) -> Callable[[Input], str | Non
     if labels == "folder":
         return lambda item: _folder_label(item.path, roots)
     if labels.lower().endswith(".csv"):
-        entries = read_manifest(Path(labels)) if Path(labels).is_file() else None
-        if entries is None:
-            there = Path(labels).is_file()
-            raise ConfigError(
-                "is no table with the columns path and label" if there else "no such file",
-                subject=labels,
-                remedy="its first line: path,label" if there else "check the path",
-                code="E_LABELS",
-            )
-        table = {path.resolve(): label for path, label in entries}
-        return lambda item: table.get(item.path.resolve())
+        return _Table(Path(labels))
     try:
         pattern = re.compile(labels)
     except re.error as error:
