@@ -60,7 +60,8 @@ def compare(
     check_settings(settings)
     if not queries or not examples:
         return np.empty((len(queries), len(examples)))
-    check_alike([*queries, *examples], "series")
+    check_alike(examples, "example")
+    check_alike(queries, "query", examples[0])
     chosen = settings.classify
     name = kernel or chosen.kernel
 
@@ -110,22 +111,31 @@ def check_settings(settings: Settings) -> None:
         )
 
 
-def check_alike(series: Sequence[Series], name: str) -> None:
-    """An InputError where ``series`` cannot be compared with each other; ``name`` is what they are."""
-    named = [item.channels if isinstance(item, Signals) else None for item in series]
-    for index, channels in enumerate(named):
-        if (channels is None) != (named[0] is None):
+def check_alike(series: Sequence[Series], name: str, example: Series | None = None) -> None:
+    """An InputError where ``series`` cannot be compared with each other, or with ``example``.
+
+    ``name`` is what an element is called.
+    """
+    other = f"{name} 0" if example is None else "the examples"
+    model = _channels(series[0] if example is None else example)
+    for index, item in enumerate(series):
+        if (_channels(item) is None) != (model is None):
             raise InputError(
                 f"{name} {index}: bare arrays and signals with channel names cannot be compared",
                 remedy="all of one kind; GestureClassifier.signals(poses) makes signals",
                 code="E_MIXED",
             )
-        if channels != named[0]:
+        if _channels(item) != model:
             raise InputError(
-                f"{name} {index} has other channels than {name} 0",
+                f"{name} {index} has other channels than {other}",
                 remedy="signals of one preset",
                 code="E_DIMENSIONS",
             )
+
+
+def _channels(item: Series) -> tuple[str, ...] | None:
+    """The names of an element's channels; None for arrays."""
+    return item.channels if isinstance(item, Signals) else None
 
 
 def pair_factors(queries: Sequence[Signals], examples: Sequence[Signals], settings: Settings) -> np.ndarray:

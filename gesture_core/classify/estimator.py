@@ -6,17 +6,19 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from inspect import signature
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 
 from gesture_core.classify.comparison import check_alike, check_settings, compare, is_still
 from gesture_core.classify.decide import decide
+from gesture_core.classify.labels import warn_of_contradictions
 from gesture_core.classify.library import ExampleLibrary, medoids
 from gesture_core.classify.neighbors import Votes, k_nearest, votes_of
 from gesture_core.classify.rejection import calibrated_thresholds, refusals
-from gesture_core.classify.weighing import Weighing, learn_weights
-from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.classify.weighing import Weighing, weighing_of
+from gesture_core.errors import ConfigError, GestureError, InputError, WarpingError
 from gesture_core.plugin import registry
 from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings
 from gesture_core.signals.chain import Chain
@@ -107,60 +109,63 @@ class GestureClassifier:
         Where all examples decide, or a threshold or representatives are asked for, every example is
         compared with every other one; ``alive`` is called while that goes on.
 
+        Warns
+        -----
+        UserWarning
+            Where equal examples have different labels.
+
         Raises
         ------
         GestureError
-            Where an example cannot be used; the message names it.
+            Where an example or a label cannot be used; the message names it. A fitted classifier
+            then stays as it was.
         """
         if len(X) != len(y):
             raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
-        self.settings_ = settings = self._resolve()
+        settings = self._resolve()
         check_settings(settings)
-        self.n_neighbors_ = settings.classify.neighbors if self.n_neighbors is None else self.n_neighbors
-        library = ExampleLibrary.of(self.signals(X), list(y), names)
-        _check_series(library.series, "example")
-        if settings.classify.kernel != "auto":
-            registry().find("kernel", settings.classify.kernel)
-        indices = np.arange(len(library))
+        chosen = settings.classify
+        library = ExampleLibrary.of(_through(Chain.from_settings(settings), X), list(y), names)
+        check_alike(library.series, "example")
+        if not isinstance(library.series[0], Signals):
+            SignalBatch.of(library.series, np.float64, name="example")
+        if chosen.kernel != "auto":
+            registry().find("kernel", chosen.kernel)
+        codes, count = library.codes, len(library.classes)
+        _check_neighbors(chosen.neighbors, count if chosen.representative else len(library))
         limit, calibrated = self._rejection(settings, library)
-        self.thresholds_: np.ndarray | None = None
-        self.weighing_: Weighing | None = None
-        if settings.classify.representative or calibrated or self.n_neighbors_ == 0:
-            within = self._among(library.series, alive)
+        warn_of_contradictions(library.series, library.labels, library.names, stacklevel=2)
+        indices = np.arange(len(library))
+        thresholds = None if limit is None else np.full(count, limit)
+        weighing = None
+        if chosen.representative or calibrated or chosen.neighbors == 0:
+            within = _among(library.series, settings, alive)
             if calibrated:
-                sd = settings.classify.reject_sd
-                codes, count = library.codes, len(library.classes)
-                self.thresholds_ = calibrated_thresholds(within, codes, count, 3.0 if sd is None else sd)
-            if settings.classify.representative:
-                indices = medoids(within, library.codes)
-            if self.n_neighbors_ == 0:
-                codes, count = library.codes[indices], len(library.classes)
-                sharpness, shrinkage = settings.classify.sharpness, settings.classify.shrinkage
-                among = within[np.ix_(indices, indices)]
-                self.weighing_ = learn_weights(among, codes, count, sharpness, shrinkage)
-        if not 0 <= self.n_neighbors_ <= len(indices):
-            raise ConfigError(
-                f"{self.n_neighbors_} neighbours were asked for and there are {len(indices)} examples",
-                remedy=f"n_neighbors from 0, for all of them, to {len(indices)}",
-                code="E_NEIGHBORS",
-            )
-        if limit is not None:
-            limits = np.full(len(library.classes), limit)
-            self.thresholds_ = limits if self.thresholds_ is None else np.minimum(self.thresholds_, limits)
-        self.library_ = library.take(indices)
-        self.example_indices_ = indices
-        self.classes_ = self.library_.classes
+                sd = 3.0 if chosen.reject_sd is None else chosen.reject_sd
+                own = calibrated_thresholds(within, codes, count, sd)
+                thresholds = own if thresholds is None else np.minimum(thresholds, own)
+            if chosen.representative:
+                indices = medoids(within, codes)
+            weighing = weighing_of(within[np.ix_(indices, indices)], codes[indices], count, chosen)
+        self.settings_: Settings = settings
+        self.n_neighbors_: int = chosen.neighbors
+        self.thresholds_: np.ndarray | None = thresholds
+        self.weighing_: Weighing | None = weighing
+        self.library_: ExampleLibrary = library.take(indices)
+        self.example_indices_: np.ndarray = indices
+        self.classes_: np.ndarray = self.library_.classes
         return self
 
     def predict(self, X: Sequence[Item]) -> np.ndarray:
-        """(Q,) labels, of the type of ``y``; ``rejected_label`` (in an object array) where no label is
-        warranted: nothing moves, or the nearest example is too far.
+        """(Q,) labels, of the type of ``y``; ``rejected_label`` where no label is warranted: nothing
+        moves, or the nearest example is too far. One of another type makes it an array of objects.
 
         Raises
         ------
         GestureError
             Where a query cannot be used. `predictions` gives it a row instead.
         """
+        self._check_fitted()
         signals = self.signals(X)
         votes = self._votes(self.distances(signals))
         for index in np.flatnonzero(votes.winners < 0):
@@ -170,38 +175,54 @@ class GestureClassifier:
                     remedy="predictions() gives it a row instead",
                     code="E_NO_COMMON",
                 )
-        labels = self.classes_[votes.winners]
-        limits, margin = self.thresholds_, self._settings().classify.margin
-        refused = (votes.winners < 0) | (np.array(refusals(votes, limits, margin), str) != "")
-        if refused.any():
-            labels = labels.astype(object)
-            labels[refused] = self.rejected_label
-        return labels
+        codes = refusals(votes, self.thresholds_, self.settings_.classify.margin)
+        return self._labels(votes.winners, np.array(codes, str) != "")
 
     def predictions(self, X: Sequence[Item]) -> list[Prediction]:
-        """One `Prediction` for each query: label, distance, margin, neighbours, or why there is none."""
+        """One `Prediction` for each query: label, distance, margin, neighbours, or why there is none.
+
+        Raises
+        ------
+        GestureError
+            Where the settings or a plugin are at fault, and not a query.
+        """
         self._check_fitted()
-        out: list[Prediction | None] = [None] * len(X)
-        usable: list[Signals | np.ndarray] = []
-        places = []
+        out: dict[int, Prediction] = {}
+        usable: list[tuple[int, Signals | np.ndarray]] = []
         chain = self._chain()
         for place, item in enumerate(X):
             try:
-                series = chain(item) if isinstance(item, PoseSequence) else item
-                _check_series([self.library_.series[0], series], "query")
-                usable.append(series)
-                places.append(place)
+                usable += [(place, series) for series in _through(chain, [item])]
             except GestureError as error:
                 out[place] = Prediction(None, "error", code=error.code, message=error.message)
-        if usable:
-            distances = self._distances(usable, self.library_.series)
-            margin = self._settings().classify.margin
-            decided = decide(
-                distances, usable, self.library_, self.n_neighbors_, self.thresholds_, self.weighing_, margin
-            )
-            for place, prediction in zip(places, decided, strict=True):
-                out[place] = prediction
-        return [prediction for prediction in out if prediction is not None]
+        out.update(self._decided(usable))
+        return [out[place] for place in sorted(out)]
+
+    def _decided(self, queries: Sequence[tuple[int, Signals | np.ndarray]]) -> dict[int, Prediction]:
+        """A prediction for each query by its place; halves of what cannot be compared, down to one."""
+        if not queries:
+            return {}
+        series = [item for _, item in queries]
+        try:
+            distances = compare(series, self.library_.series, self.settings_)
+        except (InputError, WarpingError) as error:
+            if len(queries) > 1:
+                half = len(queries) // 2
+                return self._decided(queries[:half]) | self._decided(queries[half:])
+            place = queries[0][0]
+            # Alone it was the first of its batch.
+            message = error.message.replace("query 0", f"query {place}")
+            return {place: Prediction(None, "error", code=error.code, message=message)}
+        decided = decide(
+            distances,
+            series,
+            self.library_,
+            self.n_neighbors_,
+            self.thresholds_,
+            self.weighing_,
+            self.settings_.classify.margin,
+        )
+        return {place: prediction for (place, _), prediction in zip(queries, decided, strict=True)}
 
     def kneighbors(self, X: Sequence[Item], n_neighbors: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(Q, k) distances and indices into the ``X`` of `fit`, nearest first."""
@@ -215,12 +236,11 @@ class GestureClassifier:
     def distances(self, X: Sequence[Item]) -> np.ndarray:
         """(Q, N) warping distances to the examples of `library_`."""
         self._check_fitted()
-        return self._distances(self.signals(X), self.library_.series)
+        return compare(self.signals(X), self.library_.series, self.settings_)
 
     def signals(self, X: Sequence[Item]) -> list[Signals | np.ndarray]:
         """``X`` as the chain of the preset sees it; Signals and arrays pass unchanged."""
-        chain = self._chain()
-        return [chain(item) if isinstance(item, PoseSequence) else item for item in X]
+        return _through(self._chain(), X)
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """The parameters of the constructor (scikit-learn)."""
@@ -256,16 +276,39 @@ class GestureClassifier:
         return self.settings_ if hasattr(self, "settings_") else self._resolve()
 
     def _resolve(self) -> Settings:
+        """The settings of the next `fit`: those of the preset, with what the constructor says instead."""
         settings = self.preset if isinstance(self.preset, Settings) else load_settings(self.preset)
+        changes: dict[str, Any] = {}
         if self.kernel != "auto":
-            settings = replace(settings, classify=replace(settings.classify, kernel=self.kernel))
-        return settings
+            changes["kernel"] = self.kernel
+        if self.n_neighbors is not None:
+            if not isinstance(self.n_neighbors, Integral) or self.n_neighbors < 0:
+                raise ConfigError(
+                    f"n_neighbors={self.n_neighbors!r}",
+                    remedy="a whole number, 0 for all examples",
+                    code="E_NEIGHBORS",
+                )
+            changes["neighbors"] = int(self.n_neighbors)
+        return replace(settings, classify=replace(settings.classify, **changes))
 
     def _chain(self) -> Chain:
         return Chain.from_settings(self._settings())
 
     def _votes(self, distances: np.ndarray) -> Votes:
         return votes_of(distances, self.library_.codes, len(self.classes_), self.n_neighbors_, self.weighing_)
+
+    def _labels(self, winners: np.ndarray, refused: np.ndarray) -> np.ndarray:
+        """The label of each winner, and ``rejected_label`` where one was refused."""
+        labels = self.classes_[winners]
+        if not refused.any():
+            return labels
+        instead = np.asarray(self.rejected_label)
+        if instead.ndim == 0 and instead.dtype.kind == labels.dtype.kind:
+            return np.where(refused, instead, labels)
+        mixed = labels.astype(object)
+        for index in np.flatnonzero(refused):
+            mixed[index] = self.rejected_label
+        return mixed
 
     def _rejection(self, settings: Settings, library: ExampleLibrary) -> tuple[float | None, bool]:
         """The largest distance that gets a label, and whether each class has a calibrated one as well."""
@@ -274,30 +317,12 @@ class GestureClassifier:
             # A preset's distance is in the unit of its own chain; it says nothing of bare arrays.
             known = all(isinstance(item, Signals) for item in library.series)
             return (chosen.reject if known else None), chosen.reject_sd is not None
-        if isinstance(self.reject, str):
-            if self.reject != "calibrated":
-                raise ConfigError(
-                    f"reject={self.reject!r}", remedy="a distance or 'calibrated'", code="E_REJECT"
-                )
+        if isinstance(self.reject, str) and self.reject == "calibrated":
             return None, True
+        number = isinstance(self.reject, Real) and not isinstance(self.reject, bool)
+        if not number or np.isnan(self.reject):
+            raise ConfigError(f"reject={self.reject!r}", remedy="a distance or 'calibrated'", code="E_REJECT")
         return float(self.reject), False
-
-    def _distances(
-        self, queries: Sequence[Signals | np.ndarray], examples: Sequence[Signals | np.ndarray]
-    ) -> np.ndarray:
-        return compare(queries, examples, self._settings())
-
-    def _among(self, series: Sequence[Signals | np.ndarray], alive: Callable[[], None]) -> np.ndarray:
-        """(N, N) distances among the examples, as many rows at a time as a kernel does in seconds."""
-        blocks: list[np.ndarray] = []
-        start, rows = 0, 1
-        while start < len(series):
-            begun = time.monotonic()
-            blocks.append(self._distances(series[start : start + rows], series))
-            alive()
-            start += rows
-            rows = max(1, min(_MOST_ROWS, int(rows * _SECONDS / max(time.monotonic() - begun, 1e-3))))
-        return np.concatenate(blocks)
 
     def _check_fitted(self) -> None:
         if not hasattr(self, "library_"):
@@ -306,8 +331,32 @@ class GestureClassifier:
             )
 
 
-def _check_series(series: Sequence[Signals | np.ndarray], name: str) -> None:
-    """An InputError where ``series`` are not of one kind and width, or bare arrays are no numbers."""
-    check_alike(series, name)
-    if not isinstance(series[0], Signals):
-        SignalBatch.of(series, np.float64, name=name)
+def _through(chain: Chain, X: Sequence[Item]) -> list[Signals | np.ndarray]:
+    """``X`` with keypoints made signals."""
+    if isinstance(X, PoseSequence | Signals):
+        raise InputError(f"one {type(X).__name__} instead of a sequence of them", remedy="a list: [it]")
+    return [chain(item) if isinstance(item, PoseSequence) else item for item in X]
+
+
+def _check_neighbors(wanted: int, examples: int) -> None:
+    if wanted > examples:
+        raise ConfigError(
+            f"{wanted} neighbours were asked for and there are {examples} examples",
+            remedy=f"n_neighbors from 0, for all of them, to {examples}",
+            code="E_NEIGHBORS",
+        )
+
+
+def _among(
+    series: Sequence[Signals | np.ndarray], settings: Settings, alive: Callable[[], None]
+) -> np.ndarray:
+    """(N, N) distances among the examples, as many rows at a time as a kernel does in seconds."""
+    blocks: list[np.ndarray] = []
+    start, rows = 0, 1
+    while start < len(series):
+        begun = time.monotonic()
+        blocks.append(compare(series[start : start + rows], series, settings))
+        alive()
+        start += rows
+        rows = max(1, min(_MOST_ROWS, int(rows * _SECONDS / max(time.monotonic() - begun, 1e-3))))
+    return np.concatenate(blocks)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gesture_core.classify.labels import check_labels
 from gesture_core.errors import InputError
 from gesture_core.types import Signals
 
@@ -21,7 +22,12 @@ class ExampleLibrary:
     labels : tuple
         One for each example: strings, or whatever else can be sorted.
     names : tuple of str
-        What to call each example in a result; unique.
+        What to call each example in a result.
+
+    Raises
+    ------
+    InputError
+        Where there is no example, and for labels that are missing, of several kinds, or cannot be sorted.
     """
 
     series: tuple[Signals | np.ndarray, ...]
@@ -40,6 +46,7 @@ class ExampleLibrary:
                 remedy="examples/<label>/<clip> with one clip at least",
                 code="E_EXAMPLES",
             )
+        check_labels(self.labels)
 
     @classmethod
     def of(

@@ -147,7 +147,7 @@ class Registry:
             )
         broken = [fault for fault in self.faults if fault.name in ("", name) and fault.kind in ("", kind)]
         known = self.names(kind)
-        near = difflib.get_close_matches(name, known, 1)
+        near = difflib.get_close_matches(str(name), known, 1)
         hint = f"did you mean {near[0]!r}? " if near else ""
         cause = f"no {title} {name!r}"
         if broken:

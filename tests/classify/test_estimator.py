@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,7 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sklearn.base import clone, is_classifier
+from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import GridSearchCV, cross_val_score
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
 from swings import pose, swing
 
 from gesture_core import GestureClassifier, warping_distances
@@ -247,6 +251,94 @@ def test_a_number_of_neighbours_that_cannot_be_is_refused_at_fit(wanted: int) ->
     poses, labels = data()
     with pytest.raises(ConfigError, match="E_NEIGHBORS"):
         GestureClassifier("paper", n_neighbors=wanted).fit(poses, labels)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "code"),
+    [
+        ({"n_neighbors": 1.5}, "E_NEIGHBORS"),
+        ({"n_neighbors": "3"}, "E_NEIGHBORS"),
+        ({"reject": float("nan")}, "E_REJECT"),
+        ({"reject": True}, "E_REJECT"),
+        ({"reject": [1.0]}, "E_REJECT"),
+        ({"kernel": None}, "E_PLUGIN_UNKNOWN"),
+    ],
+)
+def test_parameters_of_the_wrong_type_are_refused_at_fit(wrong: dict[str, object], code: str) -> None:
+    model = GestureClassifier("paper", "numpy").set_params(**wrong)
+    with pytest.raises((ConfigError, PluginError), match=code):
+        model.fit([np.zeros((3, 1)), np.ones((3, 1))], ["a", "b"])
+
+
+@pytest.mark.parametrize(
+    "labels",
+    [[1, "a"], ["a", None], [None, None], [1.0, float("nan")], ["a", b"a"], [("a", "b"), ("c", "d")],
+     ["a", float("nan")], [["a"], ["b", "c"]], np.array([["a"], ["b"]])],
+)  # fmt: skip
+def test_labels_that_numpy_would_turn_into_others_are_refused(labels: list[object]) -> None:
+    with pytest.raises(InputError, match="E_LABELS"):
+        GestureClassifier("paper", "numpy").fit([np.zeros((3, 1)), np.ones((3, 1))], labels)
+
+
+def test_equal_examples_with_different_labels_are_warned_of() -> None:
+    one, other = np.arange(4), np.arange(4.0)[:, None]  # equal, though of another type and shape
+    with pytest.warns(UserWarning, match=r"'0' \('a'\) and '2' \('b'\) are equal") as caught:
+        GestureClassifier("paper", "numpy").fit([one, one + 1, other, one], ["a", "b", "b", "a"])
+    assert len(caught) == 1 and caught[0].filename == __file__
+    poses, labels = data()
+    with pytest.warns(UserWarning, match=r"\(and 1 more\)"):
+        GestureClassifier("paper").fit([*poses, poses[0], poses[1]], [*labels, "x", "y"])
+
+
+def test_a_fit_that_fails_leaves_the_classifier_as_it_was() -> None:
+    poses, labels = data()
+    model = GestureClassifier("paper").fit(poses, labels)
+    before = model.predictions(poses)
+    with pytest.raises(InputError, match="E_LABELS"):
+        model.set_params(preset="modern").fit(poses, [None] * len(poses))
+    assert model.predictions(poses) == before
+
+
+def test_a_query_that_cannot_be_compared_gets_its_own_row_with_its_own_number() -> None:
+    settings = load_settings("paper", ["dtw.shape=itakura"], environment={})
+    examples = [np.zeros((9, 1)), np.ones((9, 1))]
+    model = GestureClassifier(settings, "numpy").fit(examples, ["a", "b"])
+    bad = [np.full((9, 1), 1e200), np.zeros((9, 2)), np.full((9, 1), np.nan), np.zeros((90, 1))]
+    rows = model.predictions([examples[0], *bad, examples[1]])
+    assert [row.label for row in rows] == ["a", None, None, None, None, "b"]
+    assert [row.code for row in rows[1:5]] == [
+        "E_MAGNITUDE", "E_DIMENSIONS", "E_NOT_FINITE", "E_BAND_INFEASIBLE"
+    ]  # fmt: skip
+    assert "query 1 reaches" in rows[1].message
+    assert "query 3 holds NaN" in rows[3].message
+    assert "query 4 (90 frames)" in rows[4].message
+
+
+def test_a_label_for_the_rejected_keeps_the_type_of_the_others() -> None:
+    examples, far = [np.zeros((3, 1)), np.ones((3, 1))], np.full((3, 1), 9.0)
+    for labels, instead in (([0, 1], -1), (["a", "b"], "none at all")):
+        model = GestureClassifier("paper", "numpy", reject=0.5, rejected_label=instead).fit(examples, labels)
+        found = model.predict([far, examples[1]])
+        assert found.tolist() == [instead, labels[1]]
+        assert found.dtype.kind == np.array(labels).dtype.kind
+    pair = GestureClassifier("paper", "numpy", reject=0.5, rejected_label=(1, 2)).fit(examples, [0, 1])
+    assert pair.predict([far, far]).tolist() == [(1, 2), (1, 2)]
+
+
+def test_it_works_in_a_pipeline_and_survives_pickling() -> None:
+    poses, labels = data()
+    line = Pipeline([("gesture", GestureClassifier("paper"))]).set_params(gesture__n_neighbors=2)
+    twin = pickle.loads(pickle.dumps(line.fit(poses, labels)))
+    assert twin.predict(poses).tolist() == line.predict(poses).tolist() == labels
+    assert twin["gesture"].settings_.classify.neighbors == 2
+    with pytest.raises(NotFittedError):
+        check_is_fitted(clone(line["gesture"]))
+
+
+def test_one_sequence_is_not_a_list_of_them() -> None:
+    poses, labels = data()
+    with pytest.raises(InputError, match="one PoseSequence instead of a sequence"):
+        GestureClassifier("paper").fit(poses, labels).predict(poses[0])  # type: ignore[arg-type]
 
 
 def test_another_number_of_neighbours_waits_for_the_next_fit() -> None:
