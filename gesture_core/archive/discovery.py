@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from gesture_core.archive import journal, lock
 from gesture_core.archive.labels import printable, read_manifest
 from gesture_core.archive.readers import Readers
 from gesture_core.archive.sandbox import Sandbox
@@ -18,6 +19,10 @@ VIDEO_SUFFIXES = frozenset(
     ".mp4 .m4v .mov .qt .avi .mkv .webm .flv .f4v .wmv .asf .mpg .mpeg .m2v .vob .ts .mts .m2ts "
     ".3gp .3g2 .ogv .ogg .mxf .dv .gif .264 .h264 .265 .h265 .hevc .mjpg .mjpeg .y4m".split()
 )
+_OWN_FILES = frozenset(
+    {journal.FILE_NAME, *(f"{journal.FILE_NAME}{end}" for end in ("-wal", "-shm")), lock.FILE_NAME}
+)
+"""What a run leaves in its folder besides its result, which may lie among videos or examples."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +86,8 @@ def discover(
     Returns
     -------
     list of Input
-        Each once, sorted by name within a folder. Names that begin with a dot are passed over.
+        Each once, sorted by name within a folder. Names that begin with a dot, and the journals of
+        runs, are passed over.
 
     Raises
     ------
@@ -166,7 +172,7 @@ class _Walk:
         except OSError as error:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
-        entries = [entry for entry in entries if not entry.name.startswith(".")]
+        entries = [e for e in entries if not e.name.startswith(".") and e.name not in _OWN_FILES]
         self._readers.expect([folder, *(e for e in entries if e not in folders and not _is_video(e))])
         reader, fault = self._readers.of(folder)
         if reader:

@@ -8,10 +8,12 @@ import os
 import re
 import unicodedata
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gesture_core.archive.journal import FILE_NAME
 from gesture_core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
@@ -163,6 +165,21 @@ def label_inputs(items: Sequence[Input], labels: str, roots: Sequence[str | os.P
             )
         labelled.append(replace(item, label=label or None))
     return labelled
+
+
+def label_folders(roots: Sequence[str | os.PathLike[str]], avoid: Path) -> set[str]:
+    """The labels that folders directly below ``roots`` stand for, whatever is in them.
+
+    Hidden ones, ``avoid`` and other run folders stand for none.
+    """
+    found: set[str] = set()
+    for root in (path for path in map(Path, roots) if path.is_dir()):
+        with suppress(OSError):  # what cannot be listed has been said by then
+            for folder in root.iterdir():
+                own = (folder / FILE_NAME).exists() or folder.resolve() == avoid.resolve()
+                if folder.is_dir() and not own and not folder.name.startswith("."):
+                    found.add(_word(folder.name))
+    return found
 
 
 def search_name(pattern: re.Pattern[str], item: Input) -> re.Match[str] | None:

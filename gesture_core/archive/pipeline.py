@@ -22,7 +22,7 @@ from gesture_core.archive.extractor import STORE_FAILED
 from gesture_core.archive.folder import run_folder
 from gesture_core.archive.journal import Committed, Journal
 from gesture_core.archive.keypoint_files import publish
-from gesture_core.archive.plan import Plan, make_plan
+from gesture_core.archive.plan import Plan, check_out, make_plan
 from gesture_core.archive.pruning import prune
 from gesture_core.archive.rows import Row
 from gesture_core.archive.run import Listener, RunRequest, RunSummary, keypoint_store
@@ -48,6 +48,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     """
     started = time.monotonic()
     listener = listener or Listener()
+    check_out(request)
     with (
         run_folder(request.out),
         Journal(request.out, create=True) as journal,
@@ -62,7 +63,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             if run.added:
                 prune(keypoint_store(), request.settings.limits.cache)
         failed = tuple(journal.rows("example"))
-        lost = _labels(plan.examples) - _labels(_usable(plan.examples, failed))
+        classes = Counter(str(item.label) for item in _usable(plan.examples, failed) if item.label)
+        lost = (_labels(plan.examples) | plan.announced) - classes.keys()
         return RunSummary(
             request.out,
             journal.counts(),
@@ -74,6 +76,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             plan.fingerprint,
             tuple(sorted(lost)),
             dict(run.assumed),
+            dict(sorted(classes.items())),
         )
 
 

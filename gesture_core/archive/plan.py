@@ -17,7 +17,7 @@ from gesture_core.archive.guarded import decider
 from gesture_core.archive.hashing import content_sha256, stamp
 from gesture_core.archive.journal import Journal
 from gesture_core.archive.keypoint_files import keypoint_files
-from gesture_core.archive.labels import label_inputs
+from gesture_core.archive.labels import label_folders, label_inputs
 from gesture_core.archive.probe import require_model
 from gesture_core.archive.readers import Readers
 from gesture_core.archive.run import RunRequest
@@ -53,6 +53,8 @@ class Plan:
         From `fingerprint.run_configuration`.
     deciding : Deciding or None
         What classifies; None where keypoints are only extracted.
+    announced : frozenset of str
+        Labels that the folders of the examples stand for, whatever is in them.
     """
 
     settings: Settings
@@ -65,6 +67,7 @@ class Plan:
     configuration: Mapping[str, Any]
     sources: tuple[str, ...]
     deciding: Deciding | None
+    announced: frozenset[str] = frozenset()
 
     @property
     def kernel(self) -> str:
@@ -80,6 +83,15 @@ class Plan:
     def keypoint_files(self) -> dict[bytes, Path]:
         """Places of the keypoint files that an extraction leaves, by the inputs' keys."""
         return keypoint_files(self.inputs, self.sources)
+
+
+def check_out(request: RunRequest) -> None:
+    """Raise ``E_OUT`` where the run folder is one of inputs or examples, as it would not be looked into."""
+    out = request.out.resolve()
+    for source in map(Path, (*request.sources, *request.examples)):
+        if source.is_dir() and source.resolve() == out:
+            cause = f"--out {request.out} holds the inputs or examples"
+            raise ConfigError(cause, remedy="a folder of its own, such as run/", code="E_OUT")
 
 
 def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) -> Plan:
@@ -140,6 +152,7 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
         configuration,
         request.sources,
         deciding,
+        frozenset(label_folders(request.examples, request.out) if request.labels == "folder" else ()),
     )
 
 

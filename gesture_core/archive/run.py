@@ -88,10 +88,12 @@ class RunSummary:
     kernel : str
     fingerprint : str
     lost_classes : tuple of str
-        Labels of which no example can be used: no input can get them.
+        Labels of which no example can be used, or whose folder holds none: no input can get them.
     assumed : mapping
         What files do not say and was assumed, such as the frames a second of keypoints without
         times, and of how many inputs and examples that this run looked at.
+    classes : mapping
+        Number of examples that can be used, by label.
     """
 
     out: Path
@@ -104,12 +106,13 @@ class RunSummary:
     fingerprint: str = ""
     lost_classes: tuple[str, ...] = ()
     assumed: Mapping[str, int] = field(default_factory=dict)
+    classes: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def exit_code(self) -> int:
-        """0 when every row is whole, 3 where there are errors, degraded rows or failed examples."""
-        flawed = self.counts.get("error", 0) + self.counts.get("degraded", 0) + len(self.failed_examples)
-        return 3 if flawed else 0
+        """0 when every row is whole, 3 where there are errors, degraded rows, or examples that are lost."""
+        flawed = self.counts.get("error", 0) + self.counts.get("degraded", 0)
+        return 3 if flawed or self.failed_examples or self.lost_classes else 0
 
     def rows(self) -> list[Row]:
         """All rows of the run folder, ordered by input."""

@@ -13,6 +13,8 @@ from gesture_core.cli.flags import Flags, PoseFlags, RunFlags
 from gesture_core.cli.progress import progress, say_event
 from gesture_core.cli.screen import counted, print_rows, say_assumed, visible
 
+_CLASSES_SHOWN = 30
+
 
 def classify(
     *sources: Annotated[str, Parameter(required=True)],
@@ -84,6 +86,7 @@ def say_summary(summary: RunSummary) -> None:
         kernel=summary.kernel,
         failed_examples=[row.input for row in summary.failed_examples],
         lost_classes=list(summary.lost_classes),
+        classes=dict(summary.classes),
         assumed=dict(summary.assumed),
         database=str(summary.out / "run.db"),
         fingerprint=summary.fingerprint,
@@ -103,7 +106,8 @@ def _say_to_people(summary: RunSummary) -> None:
         total = counted(sum(summary.counts.values()), "row")
         print(f"{total}: {counts}; {took}; {database}", file=sys.stderr)
     else:
-        print(f"nothing to do: all rows ({counts}) are in {database}", file=sys.stderr)
+        again = "; --retry-errors tries errors again" if summary.counts.get("error") else ""
+        print(f"nothing to do: all rows ({counts}) are in {database}{again}", file=sys.stderr)
     say_assumed(summary.assumed)
     if summary.done_now and summary.failed_examples:
         left_out = counted(len(summary.failed_examples), "example")
@@ -111,6 +115,17 @@ def _say_to_people(summary: RunSummary) -> None:
     else:
         for row in summary.failed_examples:
             print(f"example left out: {row.code} {visible(row.message)}", file=sys.stderr)
+    _say_classes(summary)
+
+
+def _say_classes(summary: RunSummary) -> None:
+    """The labels that could be given: a misspelled one is a class of its own, and nothing else tells."""
+    counts = [f"{visible(label)} {number}" for label, number in summary.classes.items()]
+    if counts:
+        more = f", and {len(counts) - _CLASSES_SHOWN} more" if counts[_CLASSES_SHOWN:] else ""
+        print(f"examples: {', '.join(counts[:_CLASSES_SHOWN])}{more}", file=sys.stderr)
+    if len(counts) == 1:
+        print("all examples have one label: every input that is near enough gets it", file=sys.stderr)
     if summary.lost_classes:
         lost = visible(", ".join(summary.lost_classes))
         print(f"no example of {lost} can be used: no input gets such a label", file=sys.stderr)

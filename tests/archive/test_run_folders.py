@@ -1,0 +1,56 @@
+"""Run folders among videos and examples: they are no inputs, and no input is looked for where one is made."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from troubles import write_clip
+
+from gesture_core import classify_archive
+from gesture_core.archive.discovery import discover
+from gesture_core.archive.run import RunSummary
+from gesture_core.errors import ConfigError
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """``examples`` of right and left, and one clip in ``videos``."""
+    for joint, label in ((4, "right"), (7, "left")):
+        write_clip(tmp_path / "examples" / label / "1.npz", 40, joint)
+    write_clip(tmp_path / "videos" / "clip.npz", 30, 4, seed=1)
+    return tmp_path
+
+
+def run(folder: Path, out: str) -> RunSummary:
+    return classify_archive(
+        folder / "videos", folder / "examples", folder / out, "paper", classify__kernel="numpy"
+    )
+
+
+def test_what_a_run_leaves_is_neither_an_input_nor_an_example(folder: Path) -> None:
+    for out in ("examples/run", "videos/run"):
+        run(folder, out)
+    assert [Path(item.name).name for item in discover([folder / "videos"])] == ["clip.npz"]
+    summary = run(folder, "third")
+    assert (summary.failed_examples, summary.lost_classes, summary.exit_code) == ((), (), 0)
+
+
+@pytest.mark.parametrize("out", ["videos", "examples", "videos/../videos"])
+def test_a_run_folder_is_not_the_folder_of_the_clips(folder: Path, out: str) -> None:
+    with pytest.raises(ConfigError, match=r"E_OUT .*holds the inputs or examples; try: a folder of its own"):
+        run(folder, out)
+    assert not list(folder.rglob("run.*"))
+
+
+def test_classes_are_counted_and_folders_of_none_are_lost(folder: Path) -> None:
+    shutil.copy(folder / "examples" / "left" / "1.npz", folder / "examples" / "left" / "2.npz")
+    (folder / "examples" / "empty").mkdir()
+    (folder / "examples" / ".hidden").mkdir()
+    (folder / "examples" / "picture").mkdir()
+    (folder / "examples" / "picture" / "1.png").touch()
+    for _ in range(2):
+        summary = run(folder, "run")
+        assert summary.classes == {"left": 2, "right": 1}
+        assert summary.lost_classes == ("empty", "picture") and summary.exit_code == 3

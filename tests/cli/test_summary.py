@@ -1,0 +1,35 @@
+"""The end of a run as people read it: which labels there were, which there could not be, what to do next."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from gesture_core.archive.run import RunSummary
+from gesture_core.cli.classify import say_summary
+
+
+def said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], **facts: object) -> list[str]:
+    with monkeypatch.context() as patch:
+        patch.setattr(sys.stderr, "isatty", lambda: True)
+        say_summary(RunSummary(Path("run"), {"ok": 2, "error": 1}, **facts))  # type: ignore[arg-type]
+    return capsys.readouterr().err.splitlines()
+
+
+def test_labels_are_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = said(monkeypatch, capsys, classes={"clap": 1, "wave": 2, "wawe\x1b": 1}, lost_classes=("up",))
+    assert lines == [
+        "nothing to do: all rows (1 error, 2 ok) are in run/run.db; --retry-errors tries errors again",
+        "examples: clap 1, wave 2, wawe\\x1b 1",
+        "no example of up can be used: no input gets such a label",
+    ]
+    many = said(monkeypatch, capsys, classes={f"c{n:02d}": 1 for n in range(35)})
+    assert many[1].endswith("c29 1, and 5 more")
+
+
+def test_one_label_is_no_choice(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = said(monkeypatch, capsys, classes={"wave": 3})
+    assert lines[-1] == "all examples have one label: every input that is near enough gets it"
+    assert len(said(monkeypatch, capsys)) == 1, "keypoints alone have no labels"
