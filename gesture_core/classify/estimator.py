@@ -184,7 +184,7 @@ class GestureClassifier:
         Raises
         ------
         GestureError
-            Where the settings or a plugin are at fault, and not a query.
+            Where the settings or the distance kernel are at fault, and not a query.
         """
         self._check_fitted()
         out: dict[int, Prediction] = {}

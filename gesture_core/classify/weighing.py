@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 # and classes whose scores differ by less are equal.
 _DECIMALS = 6
 _EQUAL = 1e-9
+# Distances below this count as none: what divides by them would overflow.
+_LEAST = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +189,7 @@ def _local_scales(within: np.ndarray, codes: np.ndarray) -> tuple[np.ndarray, fl
     scales = np.full(len(codes), np.nan)
     for column in range(len(codes)):
         others = within[codes != codes[column], column]
-        others = others[np.isfinite(others) & (others > 0)]
+        others = others[np.isfinite(others) & (others > _LEAST)]
         if len(others):
             scales[column] = np.median(others)
     known = scales[np.isfinite(scales)]

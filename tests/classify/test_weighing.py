@@ -160,7 +160,7 @@ def test_far_from_everything_the_order_stands_and_the_lead_is_gone() -> None:
     assert moved.winners.tolist() == still.winners.tolist()
 
 
-@pytest.mark.parametrize("within", [np.zeros((3, 3)), np.full((3, 3), np.inf), np.full((3, 3), np.nan)])
+@pytest.mark.parametrize("within", [np.full((3, 3), value) for value in (0.0, 1e-310, np.inf, np.nan)])
 def test_degenerate_libraries_still_answer(within: np.ndarray) -> None:
     codes = np.array([0, 1, 1])
     weighing = learned(within, codes)
