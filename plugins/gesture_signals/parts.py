@@ -18,6 +18,7 @@ import numpy as np
 
 from gesture_core.errors import SignalError
 from gesture_core.types import Signals
+from gesture_signals.smoothing import smooth
 
 _POINTS = ("nose", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 _LIMBS = {
@@ -61,8 +62,10 @@ class Parts:
     window: float = 0.2
 
     def __post_init__(self) -> None:
-        if not self.weights or not all(0 <= w < float("inf") for w in self.weights.values()):
-            raise ValueError("weights must name parts with numbers of zero or more")
+        if not isinstance(self.weights, Mapping):
+            raise TypeError(f"weights {self.weights!r} are no table of parts and numbers")
+        if not all(0 <= w < float("inf") for w in self.weights.values()) or not any(self.weights.values()):
+            raise ValueError("weights must name parts with numbers of zero or more, one above zero")
         if not self.window > 0:
             raise ValueError(f"window {self.window} is not above zero")
         for text in self.weights:
@@ -174,25 +177,19 @@ def _velocity(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarra
 
 def _energy(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
     speed, suffixes = _velocity(vector, step, window)
-    return np.sqrt(np.maximum(_average(speed**2, window / step), 0)), suffixes
+    return np.sqrt(np.maximum(smooth(speed**2, window / step), 0)), suffixes
 
 
 def _spread(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
-    from_middle = vector - _average(vector, 2 * window / step)
-    return np.sqrt(np.maximum(_average(from_middle**2, window / step), 0)), ("_x", "_y")
+    from_middle = vector - smooth(vector, 2 * window / step)
+    return np.sqrt(np.maximum(smooth(from_middle**2, window / step), 0)), ("_x", "_y")
 
 
 def _turning(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
     speed, _ = _velocity(vector, step, window)
-    from_middle = vector - _average(vector, 2 * window / step)
+    from_middle = vector - smooth(vector, 2 * window / step)
     area = from_middle[:, 0] * speed[:, 1] - from_middle[:, 1] * speed[:, 0]
-    return 3.0 * _average(area[:, None], 0.75 * window / step), ("",)
-
-
-def _average(values: np.ndarray, sigma: float) -> np.ndarray:
-    from scipy.ndimage import gaussian_filter1d
-
-    return gaussian_filter1d(values, sigma, axis=0)
+    return 3.0 * smooth(area[:, None], 0.75 * window / step), ("",)
 
 
 _KINDS: Mapping[str, Callable[[np.ndarray, float, float], tuple[np.ndarray, tuple[str, ...]]]] = {

@@ -30,6 +30,8 @@ class Resample:
     def __post_init__(self) -> None:
         if not 0 < self.rate <= 1000:
             raise ValueError(f"rate {self.rate} is not in 0..1000 frames per second")
+        if not self.max_frames >= 2:
+            raise ValueError(f"max_frames {self.max_frames} is not 2 or more")
 
     def apply(self, signals: Signals) -> Signals:
         """The same signals at `rate`; unchanged where they have no duration."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gesture_core.types import Signals
-from gesture_signals.smoothing import running_median
+from gesture_signals.smoothing import check_radius, running_median
 
 
 @dataclass(frozen=True)
@@ -29,10 +29,9 @@ class VarianceThreshold:
     median_radius: int = 3
 
     def __post_init__(self) -> None:
-        if not self.t_var >= 0 or self.median_radius < 0:
-            raise ValueError(
-                f"t_var {self.t_var} and median_radius {self.median_radius} must not be negative"
-            )
+        if not self.t_var >= 0:
+            raise ValueError(f"t_var {self.t_var} must not be negative")
+        check_radius(self.median_radius)
 
     def select(self, signals: Signals) -> np.ndarray:
         """(D,) bool: the channel moves."""
@@ -57,10 +56,9 @@ class Moving:
     median_radius: int = 3
 
     def __post_init__(self) -> None:
-        if not self.deviation >= 0 or self.median_radius < 0:
-            raise ValueError(
-                f"deviation {self.deviation} and median_radius {self.median_radius} must not be negative"
-            )
+        if not self.deviation >= 0:
+            raise ValueError(f"deviation {self.deviation} must not be negative")
+        check_radius(self.median_radius)
 
     def select(self, signals: Signals) -> np.ndarray:
         """(D,) bool, all alike."""

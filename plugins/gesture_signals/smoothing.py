@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from numbers import Integral
 
 import numpy as np
 
 from gesture_core.types import Signals
+
+WIDEST = 1000.0
+"""Frames: the greatest standard deviation of a Gaussian."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +37,7 @@ class Gaussian:
         sigma = self._frames(signals.times)
         if sigma == 0:
             return signals
-        from scipy.ndimage import gaussian_filter1d
-
-        values = gaussian_filter1d(signals.values.astype(np.float64), sigma, axis=0, mode="reflect")
-        return replace(signals, values=values)
+        return replace(signals, values=smooth(signals.values.astype(np.float64), sigma))
 
     def _frames(self, times: np.ndarray) -> float:
         """The width in frames; no wider than the sequence."""
@@ -59,12 +60,28 @@ class Median:
     radius: int = 3
 
     def __post_init__(self) -> None:
-        if self.radius < 0 or int(self.radius) != self.radius:
-            raise ValueError(f"radius {self.radius} is not a whole number of frames")
+        check_radius(self.radius)
 
     def apply(self, signals: Signals) -> Signals:
         """The filtered signals; the ends are mirrored."""
         return replace(signals, values=running_median(signals.values, self.radius))
+
+
+def smooth(values: np.ndarray, sigma: float) -> np.ndarray:
+    """(T, D) Gaussian average over frames; the ends are continued by reflection.
+
+    No wider than four sequences, where nothing but the mean is left, nor than `WIDEST`: time stamps are
+    not trusted to cost memory and hours.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    return gaussian_filter1d(values, min(sigma, 4.0 * len(values), WIDEST), axis=0, mode="reflect")
+
+
+def check_radius(radius: object) -> None:
+    """A ValueError unless ``radius`` is a whole number of frames."""
+    if not isinstance(radius, Integral) or radius < 0:
+        raise ValueError(f"radius {radius!r} is not a whole number of frames, zero or more")
 
 
 def running_median(values: np.ndarray, radius: int) -> np.ndarray:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter1d
 
-from gesture_core.errors import SignalError
+from gesture_core.errors import ConfigError, SignalError
 from gesture_core.plugin import registry
 from gesture_core.settings import load_settings
 from gesture_core.signals.chain import CHANNELS, Chain
@@ -169,10 +169,43 @@ def test_parts_need_the_joints_channels() -> None:
     "text", ["wing", "wrist.colour", "wrist@2", "wrist@", "wrist energy", "wrist.bend", ""]
 )
 def test_unknown_parts_are_refused(text: str) -> None:
-    from gesture_core.errors import ConfigError
-
     with pytest.raises(ConfigError, match="E_OPTION"):
         make("parts", weights={text: 1.0})
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "options"),
+    [
+        ("filter", "parts", {"weights": 3}),
+        ("filter", "parts", {"weights": {"wrist": 0.0}}),
+        ("filter", "resample", {"max_frames": -1}),
+        ("filter", "median", {"radius": 1.5}),
+        ("selector", "moving", {"median_radius": 1.5}),
+        ("selector", "variance", {"median_radius": 1.5}),
+    ],
+)
+def test_options_that_no_signal_could_be_made_with_are_refused(
+    kind: str, name: str, options: dict[str, object]
+) -> None:
+    with pytest.raises(ConfigError, match="E_OPTION"):
+        registry().make(kind, name, options)
+
+
+@pytest.mark.parametrize("step", [1e-9, 1e-13])
+def test_an_absurd_clock_costs_no_memory(step: float) -> None:
+    names = [f"wrist.{kind}" for kind in ("energy", "spread", "turning")]
+    source = body_signals(waving(frames=30), 1 / step)
+    for name, options in (
+        ("gaussian", {"seconds": 0.033}),
+        ("parts", {"weights": dict.fromkeys(names, 1e-30)}),
+    ):
+        assert np.isfinite(make(name, **options).apply(source).values).all()  # type: ignore[arg-type]
+
+
+def test_a_very_wide_average_is_the_mean() -> None:
+    values = np.random.default_rng(0).normal(size=20)
+    wide = make("gaussian", sigma=1e12).apply(simple(values)).values[:, 0]
+    np.testing.assert_allclose(wide, values.mean(), atol=1e-4)
 
 
 def test_selection_is_the_population_variance_after_a_median() -> None:
