@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, validators
 
-from gesture_core.cli.flags import KernelFlags
+from gesture_core.cli.flags import KernelFlags, Whole
 from gesture_core.cli.screen import print_table
 from gesture_core.cli.targets import check_file
 from gesture_core.errors import InputError
@@ -47,7 +47,7 @@ class Timing:
 def bench(
     *sources: str,
     flags: KernelFlags | None = None,
-    series: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 100,
+    series: Annotated[Whole, Parameter(validator=validators.Number(gte=1))] = 100,
     out: Annotated[Path | None, Parameter(help="Also write the table to this file, as JSON.")] = None,
 ) -> int:
     """Time every installed distance kernel on this machine, or the one that --kernel names.

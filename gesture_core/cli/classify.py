@@ -35,7 +35,7 @@ def classify(
     out
         The run folder: run.db holds the result. The same command again goes on where it stopped.
     labels
-        Labels of the examples: folder, a CSV file with path and label, or an expression (?P<label>...).
+        folder, a CSV file with path and label, or an expression for file names: '^(?P<label>[a-z]+)_'.
     """
     return execute(sources, out, flags, run, examples, labels)
 

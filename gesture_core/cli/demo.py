@@ -14,6 +14,7 @@ from gesture_core.cli.classify import say_summary
 from gesture_core.cli.flags import UNSAID, Flags
 from gesture_core.cli.progress import progress
 from gesture_core.cli.screen import result_table
+from gesture_core.cli.targets import check_folder
 from gesture_core.errors import ModelError
 
 
@@ -35,6 +36,8 @@ def demo(
     from gesture_core.archive.pipeline import run_archive
     from gesture_core.demo.archive import write_archive
 
+    if out is not None:
+        check_folder(out)
     folder = out or Path(tempfile.mkdtemp(prefix="gesture-demo-"))
     settings = (flags or Flags()).settings()
     print(f"drawing 36 clips of 6 gestures into {folder} ...", file=sys.stderr)

@@ -44,7 +44,7 @@ def evaluate(
     out
         Folder for evaluation.json, answers.csv, confusion.png and rejection.png.
     labels
-        Where labels come from: folder, a CSV file with path and label, or an expression (?P<label>...).
+        As in gesture classify: folder, a CSV file with path and label, or a regular expression.
     subjects
         Regular expression whose group (?P<subject>...), or first group, finds who performs in the name.
     protocol
@@ -52,7 +52,7 @@ def evaluate(
     train
         With --protocol split: a regular expression that finds the examples by their names.
     grid
-        A setting with the values to try, such as t_var=0.05,0.10; may be repeated.
+        A setting with the values to try, such as mirror=1.1,1.32; may be repeated.
     """
     from gesture_core.classify.comparison import check_settings
     from gesture_core.classify.evaluation import answer, choose_nested, compare_all
@@ -108,7 +108,7 @@ def _grid(texts: Sequence[str]) -> list[dict[str, Any]]:
     for text in texts:
         key, equals, listed = text.partition("=")
         if not equals or not listed:
-            raise ConfigError(f"--grid {text!r}", remedy="t_var=0.05,0.10", code="E_OPTION")
+            raise ConfigError(f"--grid {text!r}", remedy="mirror=1.1,1.32", code="E_OPTION")
         if key.strip().startswith("pose."):
             raise ConfigError(
                 f"--grid {text!r}: keypoints are extracted once",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, validators
 
+from gesture_core.cli.flags import Whole
 from gesture_core.cli.screen import counted, print_table, visible
 from gesture_core.cli.targets import check_file
 from gesture_core.errors import GestureError, InputError, RunFolderError
@@ -27,11 +28,11 @@ if TYPE_CHECKING:
     from gesture_core.types import PoseSequence, Signals
 
 
-Channels = Annotated[int, Parameter(validator=validators.Number(gte=1))]
+Channels = Annotated[Whole, Parameter(validator=validators.Number(gte=1))]
 
 
 def explain(
-    run: Path, input: str, /, *, person: int = 0, out: Path | None = None, channels: Channels = 4
+    run: Path, input: str, /, *, person: Whole = 0, out: Path | None = None, channels: Channels = 4
 ) -> int:
     """Show why an input of a run got its label: channels, their costs, both warpings.
 
@@ -42,7 +43,7 @@ def explain(
     input
         The input as the result names it, or a part of its name that no other one has.
     person
-        Which person of the input.
+        Which person of the input, where it has several.
     out
         PNG file of the plot; explain-<input>.png in the run folder by default.
     channels

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -12,24 +13,42 @@ from gesture_core.plugin import registry
 from gesture_core.settings import Settings, load_settings, presets
 
 
+def _whole(_kind: Any, tokens: Sequence[Any]) -> int:
+    """A whole number and nothing else: 0.5 workers are not 0, which means one for each core."""
+    try:
+        return int(tokens[0].value)
+    except ValueError:
+        raise ValueError(f"{tokens[0].value!r} is no whole number") from None
+
+
+Whole = Annotated[int, Parameter(converter=_whole)]
+
+
+def _of_preset(text: str) -> Parameter:
+    """A flag for one setting, whose default is that of the preset."""
+    return Parameter(help=f"{text} [default: the preset's]")
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PoseFlags:
     """Flags that change settings, of commands that find people: defaults < preset < environment < flags."""
 
     preset: Annotated[
-        str | None, Parameter(help=f"One of the package ({', '.join(presets())}), or a TOML file.")
+        str | None,
+        Parameter(help=f"One of the package ({', '.join(presets())}), or a TOML file. [default: modern]"),
     ] = None
     set: Annotated[
         tuple[str, ...],
         Parameter(
-            consume_multiple=False, show_default=False, help="Any setting, as key=value; may be repeated."
+            consume_multiple=False,
+            show_default=False,
+            help="Any setting or option of a plugin, as key=value, such as classify.margin=0.1; "
+            "may be repeated.",
         ),
     ] = ()
-    pose: Annotated[str | None, Parameter(help="Pose backend.")] = None
-    model: Annotated[str | None, Parameter(help="Pose network: a name of 'gesture models', or a file.")] = (
-        None
-    )
+    pose: Annotated[str | None, _of_preset("Pose backend: a name of 'gesture plugins'.")] = None
+    model: Annotated[str | None, _of_preset("Pose network: a name of 'gesture models', or a file.")] = None
 
     def settings(self) -> Settings:
         """The settings that the flags ask for; an option of a plugin that takes no part is an error."""
@@ -48,7 +67,9 @@ class PoseFlags:
 class KernelFlags(PoseFlags):
     """Those of commands that compute distances as well."""
 
-    kernel: Annotated[str | None, Parameter(help="Distance kernel, or auto.")] = None
+    kernel: Annotated[
+        str | None, _of_preset("Distance kernel: a name of 'gesture plugins', or auto for the fastest one.")
+    ] = None
 
     def _changes(self) -> dict[str, Any]:
         return {**super()._changes(), "classify__kernel": self.kernel}
@@ -60,11 +81,11 @@ class Flags(KernelFlags):
     """Those of commands that give labels as well."""
 
     neighbors: Annotated[
-        int | None, Parameter(help="k of the k-nearest-neighbour vote; 0: all examples decide, weighed.")
+        Whole | None, _of_preset("How many of the nearest examples vote; 0: all examples decide, weighed.")
     ] = None
     reject: Annotated[
         str | None,
-        Parameter(help="Give no label beyond this distance, or beyond mean + K sd of its class: '3sd'."),
+        _of_preset("Give no label beyond this distance, or beyond mean + K sd of its class: '3sd'."),
     ] = None
 
     def _changes(self) -> dict[str, Any]:
@@ -94,7 +115,7 @@ def _switch(text: str) -> Parameter:
 
 
 Workers = Annotated[
-    int, Parameter(help="Worker processes; 0 for one for each core.", validator=validators.Number(gte=0))
+    Whole, Parameter(help="Worker processes; 0 for one for each core.", validator=validators.Number(gte=0))
 ]
 
 

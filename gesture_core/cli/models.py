@@ -84,7 +84,8 @@ def add(
         Parameter(
             consume_multiple=False,
             show_default=False,
-            help="A fact about the network, as key=value; may be repeated.",
+            help="Overrides what the file says, as key=value, such as colour=rgb or 'mean=[128, 128, 128]'; "
+            "may be repeated.",
         ),
     ] = (),
     replace: Annotated[bool, UNSAID] = False,
@@ -101,8 +102,6 @@ def add(
         The hash that the file must have.
     licence
         Of the weights, as a note.
-    contract
-        Overrides what the file says, such as colour=rgb or "mean=[128, 128, 128]".
     replace
         Replace the model of this name.
     """

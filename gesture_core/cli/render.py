@@ -33,7 +33,7 @@ def render(
     out
         A name.mp4 for a video (needs PyAV), a name.png for a strip of pictures; <video>-pose.mp4 by default.
     people
-        single, or multi for everybody that the network tells apart.
+        single, or multi: who is lost for a while comes back as another person. As pose.people by default.
     overwrite
         Replace a file that is there.
     """

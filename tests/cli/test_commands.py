@@ -130,9 +130,15 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         (["evaluate", "{examples}", "--out", "{file}"], 2, "is a file; try: a folder"),
         (["bench", "--out", "{examples}"], 2, "is a folder"),
         (["bench", "--series", "0"], 2, "--series"),
+        (["bench", "--series", "2.5"], 2, "no whole number"),
+        (["demo", "--out", "{file}"], 2, "is a file; try: a folder"),
         (["render", "{film}", "--out", "{file}/x.png"], 2, "cannot be written"),
         (["render", "{film}", "--out", "x.gif"], 2, ".mp4 or .png"),
         ([*CLASSIFY, "--workers", "-1"], 2, "--workers"),
+        ([*CLASSIFY, "--workers", "0.5"], 2, "--workers: '0.5' is no whole number"),
+        ([*CLASSIFY, "--neighbors", "1.9"], 2, "--neighbors: '1.9' is no whole number"),
+        (["explain", "{run}", "x", "--person", "0.5"], 2, "no whole number"),
+        (["explain", "{run}", "x", "--channels", "1.5"], 2, "no whole number"),
         (["extract", "https://example.com/a.mp4", "--out", "{out}"], 2, "is an address"),
         (["extract", "{videos}/*.avi", "--out", "{out}"], 2, "nothing matches"),
         ([*CLASSIFY, "--reject", "3sd"], 2, "no class has two examples"),
@@ -219,6 +225,15 @@ def test_no_help_shows_a_default_that_is_nothing(capsys: pytest.CaptureFixture[s
         assert main.run([*command, "--help"]) == 0
         shown = capsys.readouterr().out
         assert not any(f"[default: {nothing}]" in shown for nothing in ('""', "False", "()", "None"))
+
+
+def test_help_says_what_happens_without_a_flag(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.run(["classify", "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "[default: modern]" in shown and shown.count("[default: the preset's]") == 5
+    assert main.run(["render", "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "who is lost for a while comes back as another person" in shown
 
 
 def test_every_command_exists() -> None:

@@ -86,7 +86,7 @@ def test_the_same_evaluation_has_the_same_fingerprint(archive: Path, tmp_path: P
         (["--subjects", "(("], 2, "no regular expression"),
         (["--protocol", "split"], 2, "E_SPLIT"),
         (["--protocol", "dice"], 2, "one of leave-one-subject-out"),
-        (["--grid", "t_var"], 2, "t_var=0.05,0.10"),
+        (["--grid", "t_var"], 2, "mirror=1.1,1.32"),
         (["--grid", "pose.height=256,368"], 2, "extracted once"),
         (["--protocol", "split", "--train", "(("], 2, "no regular expression"),
         (["--train", "_A"], 2, "--protocol split"),
