@@ -27,10 +27,10 @@ def dba(
 
     Parameters
     ----------
-    series : sequence of (T, D) arrays
+    series : sequence of (T,) or (T, D) arrays
     spec : DtwSpec
         Dependent, squared and hard: what averaging minimises.
-    start : (L, D) array, optional
+    start : (L,) or (L, D) array, optional
         First barycenter, whose length the result has; the medoid of the series by default.
     iterations : int
     tolerance : float
@@ -43,14 +43,15 @@ def dba(
     if spec.mode != "dependent" or spec.cost != "squared" or spec.gamma is not None:
         raise ConfigError("averaging minimises dependent, squared, hard costs only", code="E_OPTION")
     arrays = _matrices(series)
-    center = _medoid(arrays, spec) if start is None else np.asarray(start, np.float64).copy()
+    center = _medoid(arrays, spec) if start is None else _matrix(start).copy()
+    weights = 1.0 if spec.weights is None else np.array(spec.weights)
     last = np.inf
     for _ in range(iterations):
         total, count, cost = np.zeros_like(center), np.zeros(len(center)), 0.0
         for array in arrays:
             path = warping_path(center, array, spec)
             matched = array[path[:, 1]]
-            cost += float(((center[path[:, 0]] - matched) ** 2).sum())
+            cost += float((weights * (center[path[:, 0]] - matched) ** 2).sum())
             np.add.at(total, path[:, 0], matched)
             np.add.at(count, path[:, 0], 1)
         if cost >= last * (1 - tolerance):
@@ -71,12 +72,12 @@ def soft_barycenter(
 
     Parameters
     ----------
-    series : sequence of (T, D) arrays
+    series : sequence of (T,) or (T, D) arrays
     spec : DtwSpec
         With a ``gamma``.
     weights : (N,) float, optional
         What each series counts for; equal by default.
-    start : (L, D) array, optional
+    start : (L,) or (L, D) array, optional
         As in `dba`; the medoid by default.
 
     Returns
@@ -86,7 +87,7 @@ def soft_barycenter(
     from scipy.optimize import minimize
 
     arrays = _matrices(series)
-    center = _medoid(arrays, spec.replace(gamma=None)) if start is None else np.asarray(start, np.float64)
+    center = _medoid(arrays, spec.replace(gamma=None)) if start is None else _matrix(start)
     share = np.full(len(arrays), 1 / len(arrays)) if weights is None else np.asarray(weights, np.float64)
 
     def objective(flat: np.ndarray) -> tuple[float, np.ndarray]:
@@ -100,8 +101,13 @@ def soft_barycenter(
 def _matrices(series: Sequence[np.ndarray]) -> list[np.ndarray]:
     if len(series) == 0:
         raise InputError("no series to average", code="E_EMPTY")
-    arrays = [np.asarray(item, np.float64) for item in series]
-    return [array[:, None] if array.ndim == 1 else array for array in arrays]
+    return [_matrix(item) for item in series]
+
+
+def _matrix(item: np.ndarray) -> np.ndarray:
+    """(T, D) float64."""
+    array = np.asarray(item, np.float64)
+    return array[:, None] if array.ndim == 1 else array
 
 
 def _medoid(arrays: list[np.ndarray], spec: DtwSpec) -> np.ndarray:

@@ -163,3 +163,18 @@ def test_barycenters_are_nearer_than_members() -> None:
     found = soft_barycenter(series, start=series[0], iterations=20)
     soft = warping_distances([found, series[0]], series, SOFT).sum(axis=1)
     assert soft[0] < soft[1]
+
+
+def test_a_weighted_barycenter_goes_on_until_the_weighted_cost_stands() -> None:
+    rng = np.random.default_rng(0)
+    series = [np.cumsum(rng.normal(size=(20 + i, 2)), axis=0) for i in range(4)]
+    spec = DBA.replace(weights=(1000.0, 0.001))
+    found = dba(series, spec, tolerance=1e-9)
+    again = dba(series, spec, start=found, tolerance=1e-9)
+    np.testing.assert_allclose(again, found)
+
+
+def test_a_first_barycenter_of_one_dimension_may_be_flat() -> None:
+    series = [np.sin(np.linspace(0, 3, n)) for n in (9, 12)]
+    np.testing.assert_array_equal(dba(series, start=series[0]), dba(series, start=series[0][:, None]))
+    assert soft_barycenter(series, start=series[0], iterations=1, kernel="numpy").shape == (9, 1)
