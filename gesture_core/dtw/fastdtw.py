@@ -7,6 +7,7 @@ package, window and all.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
@@ -30,8 +31,8 @@ class FastDtwKernel(LaneKernel):
     exact = False
 
     def __post_init__(self) -> None:
-        if self.radius < 1:
-            raise ConfigError(f"radius = {self.radius}", remedy="1, 2, 3 …", code="E_OPTION")
+        if not isinstance(self.radius, Integral) or self.radius < 1:
+            raise ConfigError(f"radius = {self.radius!r}", remedy="1, 2, 3 …", code="E_OPTION")
 
     def supports(self, spec: DtwSpec) -> bool:
         """Hard warping without a band of its own."""

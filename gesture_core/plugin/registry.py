@@ -69,7 +69,7 @@ class Registration:
 def _installed(module: str) -> bool:
     try:
         return importlib.util.find_spec(module) is not None
-    except (ImportError, ValueError):
+    except (Exception, SystemExit):  # noqa: BLE001 - looking for a.b imports a, which may raise anything
         return False
 
 
@@ -108,6 +108,9 @@ class Registry:
             return
         if not isinstance(target, str) or not _TARGET.fullmatch(target):
             self.faults.append(Fault(origin, f"target {target!r} is not 'module:Class'", kind, name))
+            return
+        if isinstance(needs, str) or not all(isinstance(module, str) for module in needs):
+            self.faults.append(Fault(origin, f"needs {needs!r} is no list of module names", kind, name))
             return
         known = self.entries.setdefault((kind, name), [])
         if any(entry.origin.distribution == origin.distribution for entry in known):

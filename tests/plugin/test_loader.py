@@ -66,9 +66,10 @@ def test_mistakes_become_faults() -> None:
         {"name": "good", "target": "json:JSONEncoder"},
         {"name": "Bad Name", "target": "json:JSONDecoder"},
         {"name": "bad-target", "target": "json"},
+        {"name": "bad-needs", "target": "json:JSONDecoder", "needs": "torch"},
     )
     assert found.load("filter", "good").__name__ == "JSONDecoder"
-    assert [fault.name for fault in found.faults] == ["good", "Bad Name", "bad-target"]
+    assert [fault.name for fault in found.faults] == ["good", "Bad Name", "bad-target", "bad-needs"]
     misspelled = registered("register_filtres", {"name": "x", "target": "json:loads"})
     assert "register_filters" in misspelled.faults[0].cause
 
@@ -104,6 +105,16 @@ def test_a_missing_dependency_names_the_command() -> None:
     )
     with pytest.raises(MissingDependencyError, match=r"needs no_such_module: pip install 'far-away\[far\]'"):
         found.load("pose", "far")
+
+
+def test_a_need_whose_package_fails_to_import_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "needs_a_driver").mkdir()
+    (tmp_path / "needs_a_driver" / "__init__.py").write_text("raise OSError('no driver')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    call = {"name": "far", "target": "far:Far", "needs": ("needs_a_driver.part",)}
+    assert registered("register_filters", call).names("filter", usable=True) == ()
 
 
 def test_options_that_a_plugin_does_not_take_are_a_setting_error() -> None:
