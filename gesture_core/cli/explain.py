@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,7 +19,7 @@ from gesture_core.errors import GestureError, InputError, RunFolderError
 _VOICES = 6
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from gesture_core.archive.discovery import Input
     from gesture_core.archive.rows import Row
@@ -49,19 +50,17 @@ def explain(
     channels
         How many channels to draw; at least twelve are listed.
     """
-    import re
-
     from gesture_core.archive.journal import open_journal
     from gesture_core.classify.explanation import explain as explain_row
     from gesture_core.report.explanation import explanation_plot
 
     with open_journal(run) as journal:
-        row = _row(list(journal.rows()), input, person)
+        rows = list(journal.rows())
+        row = _row(rows, input, person)
         configuration = json.loads(journal.get("configuration") or "{}")
         left_out = {failed.input for failed in journal.rows("example")}
     settings = _settings(configuration)
-    safe = re.sub(r"[^\w.-]+", "_", Path(row.input).name)
-    target = out or run / f"explain-{safe}.png"
+    target = out or run / _plot_name(row, rows)
     check_file(target, (".png",))
     if not configuration.get("examples"):
         raise RunFolderError(
@@ -70,10 +69,8 @@ def explain(
             remedy="a folder that gesture classify wrote",
             code="E_NO_RUN",
         )
-    if not row.frames_with_pose:
-        raise InputError(
-            "has no keypoints", subject=row.input, remedy=f"see its row: {row.code}", code="E_NOT_FOUND"
-        )
+    if row.distance is None:
+        raise _nothing(row)
     examples = {n: known for n, known in configuration["examples"].items() if n not in left_out}
     hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
     people = _keypoints(hashes, settings)
@@ -106,10 +103,24 @@ def _row(rows: list[Row], name: str, person: int) -> Row:
     for row in rows:
         if row.input == found[0] and row.person == person:
             return row
-    known = ", ".join(str(row.person) for row in rows if row.input == found[0])
-    raise InputError(
-        f"has no person {person}", subject=found[0], remedy=f"one of {known}", code="E_NOT_FOUND"
-    )
+    known = " or ".join(f"--person {row.person}" for row in rows if row.input == found[0])
+    raise InputError(f"has no person {person}", subject=found[0], remedy=known, code="E_NOT_FOUND")
+
+
+def _plot_name(row: Row, rows: Sequence[Row]) -> str:
+    """Of the plot: the file's name, with its folders where several files have it, and the person."""
+    same = {other.input for other in rows if Path(other.input).name == Path(row.input).name}
+    name = Path(row.input).name if len(same) == 1 else row.input.lstrip("./")
+    number = f"-{row.person}" if row.person else ""
+    safe = re.sub(r"[^\w.-]+", "_", name)
+    return f"explain-{safe[-80:]}{number}.png"
+
+
+def _nothing(row: Row) -> InputError:
+    """A row that was never compared explains itself."""
+    said = row.message.removeprefix(f"{row.input}: ")
+    cause = f"there is nothing to explain, {row.status} {row.code}: {said}"
+    return InputError(cause, subject=row.input, code="E_NOT_FOUND")
 
 
 def _settings(configuration: dict[str, Any]) -> Settings:
@@ -154,7 +165,7 @@ def _inputs(names: Iterable[str]) -> list[Input]:
         raise InputError(
             "is not where the run found it",
             subject=error.subject,
-            remedy="gesture explain in the folder in which gesture classify was run",
+            remedy="gesture explain in the folder in which gesture classify was run, or to put it back",
             code=error.code,
         ) from None
 
@@ -165,9 +176,7 @@ def _query(row: Row, people: Mapping[str, list[PoseSequence]], settings: Setting
     for pose in people.get(row.input, []):
         if pose.person == row.person:
             return Chain.from_settings(settings)(pose)
-    raise InputError(
-        f"has no keypoints: {row.code} {row.message}", subject=row.input, code=row.code or "E_NOT_FOUND"
-    )
+    raise _nothing(row)
 
 
 def _classifier(

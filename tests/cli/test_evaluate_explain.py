@@ -186,6 +186,11 @@ def test_explain_says_why(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     queries = [os.path.relpath(path) for path in sorted(archive.glob("*/*_C.npy"))]
+    Path("twin").mkdir()
+    shutil.copy(queries[0], Path("twin") / Path(queries[0]).name)
+    Path("notes.md").touch()
+    np.save("short.npy", np.ones((2, 18, 3)))
+    queries += ["twin", "notes.md", "short.npy"]
     examples = tmp_path / "examples"
     for path in archive.glob("*/*_A.npy"):
         (examples / path.parent.name).mkdir(parents=True)
@@ -205,12 +210,27 @@ def test_explain_says_why(
     capsys.readouterr()
     for wrong, hint in (
         (["nobody.npy"], "no input of the run is 'nobody.npy'"),
-        (["C.npy"], "could be any of 3 inputs"),
-        (["up_C.npy", "--person", "3"], "has no person 3; try: one of 0"),
+        (["C.npy"], "could be any of 4 inputs"),
+        (["up_C.npy", "--person", "3"], "has no person 3; try: --person 0"),
         (["up_C.npy", "--out", "plot.txt"], "ends in .png"),
     ):
         assert run(["explain", "run", *wrong]) == 2
         assert hint in capsys.readouterr().err
+    for name, why in (
+        (
+            "notes.md",
+            "E_NOT_FOUND notes.md: there is nothing to explain, skipped E_NOT_AN_INPUT: neither a video",
+        ),
+        ("short.npy", "E_NOT_FOUND short.npy: there is nothing to explain, rejected E_POSE_SHORT: "),
+    ):
+        assert run(["explain", "run", name]) == 2
+        said = capsys.readouterr().err
+        assert why in said and said.count(name) == 1
+    for name in (f"{archive.name}/knee/knee_C.npy", "twin/knee_C.npy"):
+        assert run(["explain", "run", name]) == 0
+    plots = {path.name for path in Path("run").glob("*.png")}
+    assert len(plots) == 3 and "explain-twin_knee_C.npy.png" in plots, "one for each, whatever its folder"
+    capsys.readouterr()
     assert run(["explain", str(examples), "up_C.npy"]) == 2
     monkeypatch.chdir("/")
     assert run(["explain", str(tmp_path / "run"), "up_C.npy"]) == 2
