@@ -14,9 +14,12 @@ from cyclopts import Parameter
 
 from gesture_core.cli import scores
 from gesture_core.cli.flags import Flags, Workers
-from gesture_core.cli.screen import counted, say_assumed
+from gesture_core.cli.screen import counted, say_assumed, visible
 from gesture_core.cli.targets import check_folder
 from gesture_core.errors import ConfigError, GestureError, InputError, MissingDependencyError
+
+_NAMED = 5
+"""Files or labels that a line names; of the others it says that there are some."""
 
 if TYPE_CHECKING:
     from gesture_core.archive.discovery import Input
@@ -137,13 +140,20 @@ def _labelled(sources: Sequence[str], labels: str, out: Path | None) -> list[Inp
             remedy="another path",
             code="E_EMPTY",
         )
-    if len(found) < len(every):
-        left = counted(len(every) - len(found), "file")
-        print(f"left out as neither video nor keypoints: {left}", file=sys.stderr)
+    if strangers := [item.name for item in every if item.kind == "other"]:
+        named = ", ".join(map(visible, strangers[:_NAMED])) + (", …" if strangers[_NAMED:] else "")
+        left = counted(len(strangers), "file")
+        print(f"left out as neither video nor keypoints: {left}, {named}", file=sys.stderr)
     labelled = label_inputs(found, labels, sources)
     for item in labelled:
         if not item.label:
             raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
+    if len({item.label for item in labelled}) == 1:
+        raise ConfigError(
+            f"every input is called {labelled[0].label!r}: there is nothing to tell apart",
+            remedy="inputs of several labels, or other --labels",
+            code="E_LABELS",
+        )
     return labelled
 
 
@@ -166,14 +176,28 @@ def _examples(items: Sequence[Input], train: str, protocol: str) -> list[bool] |
 def _check_protocol(
     protocol: str, items: Sequence[Input], who: Sequence[str], examples: Sequence[bool] | None
 ) -> None:
-    """Raise what the protocol would raise, before hours of extraction instead of after them."""
+    """Raise what the protocol would raise, before hours of extraction instead of after them.
+
+    Says as well which tests must fail, since no other subject, or nothing else, has their label.
+    """
     import numpy as np
 
     from gesture_core.classify.protocols import folds
 
-    codes = np.unique([str(item.label) for item in items], return_inverse=True)[1]
+    names, codes = np.unique([str(item.label) for item in items], return_inverse=True)
     alike = np.broadcast_to(0.0, (len(items), len(items)))
-    next(folds(protocol, codes, who, alike, examples), None)
+    tests, hopeless = 0, Counter[str]()
+    for fold in folds(protocol, codes, who, alike, examples):
+        tests += len(fold.test)
+        hopeless.update(names[codes[fold.test][~np.isin(codes[fold.test], codes[fold.train])]].tolist())
+    if hopeless:
+        labels = [visible(label) for label in sorted(hopeless)]
+        more = ", …" if labels[_NAMED:] else ""
+        print(
+            f"{hopeless.total()} of {counted(tests, 'test')} cannot be right: "
+            f"no example of {', '.join(labels[:_NAMED])}{more} is left to compare with",
+            file=sys.stderr,
+        )
 
 
 def _load(

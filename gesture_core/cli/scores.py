@@ -51,6 +51,10 @@ def print_classes(evaluation: Evaluation) -> None:
     folds = evaluation.by_fold
     if 1 < len(folds) <= min(40, len(evaluation.answers) - 1):  # a fold of one answer says nothing
         print_table(["fold", "accuracy"], [[n, f"{a:.1%}"] for n, a in folds.items()], right=["accuracy"])
+    print(
+        "a stricter threshold labels fewer inputs (coverage), and more of these rightly (accuracy): "
+        "--reject VALUE, or --set classify.margin=VALUE"
+    )
     curves = {"reject above": evaluation.rejection_curve(), "margin from": evaluation.margin_curve()}
     for title, curve in curves.items():
         columns = [title, "coverage", "accuracy"]
