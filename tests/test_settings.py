@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
 from gesture_core.media.limits import Limits
 from gesture_core.settings import LimitSettings, Settings, load_settings, presets, settings_from_dict
@@ -63,12 +65,20 @@ def test_values_are_read_by_the_type_of_the_setting() -> None:
         ("reject=far", "a number"),
         ("nonsense", "key=value"),
         ("height=true", "a whole number"),
+        ("dtw.weights=1", "a list of numbers"),
+        ("filters=1", "a list of names"),
+        ("dtw.mask=1", "a BandMask, from Python"),
     ],
 )
 def test_mistakes_are_named_with_a_remedy(setting: str, hint: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load(setting)
     assert hint in str(caught.value)
+
+
+def test_a_mask_cannot_be_written_down() -> None:
+    with pytest.raises(ConfigError, match=r"dtw\.mask cannot be written down"):
+        Settings(dtw=DtwSpec(mask=np.ones((3, 3), bool))).as_dict()  # type: ignore[arg-type]
 
 
 def test_wrong_files_are_named(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from gesture_core.classify.neighbors import Votes, votes_of
 from gesture_core.classify.protocols import folds
 from gesture_core.classify.rejection import calibrated_thresholds, refusals
 from gesture_core.classify.weighing import weighing_of
-from gesture_core.errors import GestureError, InputError
+from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.settings import Settings
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence, Signals
@@ -245,11 +245,16 @@ def fold_votes(
     -------
     Votes
         Of the tested sequences, classes numbered as in ``codes``.
+
+    Raises
+    ------
+    ConfigError
+        Where more neighbours are asked for than there are examples, as in the classifier.
     """
     chosen, classes = settings.classify, int(codes.max()) + 1
     weighing = weighing_of(within[np.ix_(examples, examples)], codes[examples], classes, chosen)
     block = within[np.ix_(tested, examples)]
-    return votes_of(block, codes[examples], classes, min(chosen.neighbors, len(examples)), weighing)
+    return votes_of(block, codes[examples], classes, chosen.neighbors, weighing)
 
 
 def choose_nested(candidates: Sequence[Compared]) -> tuple[Evaluation, dict[str, int]]:
@@ -263,8 +268,20 @@ def choose_nested(candidates: Sequence[Compared]) -> tuple[Evaluation, dict[str,
     evaluation : Evaluation
     choices : mapping
         Index of the candidate that each subject's fold took.
+
+    Raises
+    ------
+    ConfigError
+        E_SUBJECTS where there are fewer than three subjects: a fold leaves one out, and choosing another.
     """
     subjects = sorted(set(candidates[0].data.subjects))
+    seen = min(len({c.data.subjects[i] for i in c.usable}) for c in candidates)
+    if seen < 3:
+        raise ConfigError(
+            f"a choice inside the folds needs three subjects and there are {seen} with usable clips",
+            remedy="clips of more people, or one setting at a time",
+            code="E_SUBJECTS",
+        )
     answers: list[Answer] = []
     choices = {}
     for subject in subjects:

@@ -35,7 +35,19 @@ class Settings:
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """The whole tree as plain dicts, lists and scalars, without the preset's name."""
+        """The whole tree as plain dicts, lists and scalars, without the preset's name.
+
+        Raises
+        ------
+        ConfigError
+            For a band that is a mask, which has no such form.
+        """
+        if self.dtw.mask is not None:
+            raise ConfigError(
+                "dtw.mask cannot be written down with a run",
+                remedy="dtw.window or dtw.shape; masks are for GestureClassifier and warping_distances",
+                code="E_OPTION",
+            )
         tree = json.loads(json.dumps(asdict(self)))
         del tree["preset"]
         return tree

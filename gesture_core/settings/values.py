@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from gesture_core.errors import ConfigError
 
@@ -47,7 +47,7 @@ def read_value(key: str, value: Any, hint: Any, origin: str) -> Any:
     if value is None and type(None) in options:
         return None
     for option in (o for o in options if o is not type(None)):
-        if getattr(option, "__origin__", None) is tuple:
+        if get_origin(option) is tuple:
             items = plain.split(",") if isinstance(plain, str) else plain
             if isinstance(items, list | tuple):
                 scalar = get_args(option)[0]
@@ -69,8 +69,10 @@ def _wanted(hint: Any) -> str:
     words = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
     if hint in words:
         return words[hint]
+    if get_origin(hint) is tuple:
+        return "a list of names" if get_args(hint)[0] is str else "a list of numbers"
     choices = [choice for choice in get_args(hint) if isinstance(choice, str)]
-    return " or ".join(choices) or "a list of names"
+    return " or ".join(choices) or f"a {hint.__name__}, from Python"
 
 
 def near(word: str, known: Sequence[str]) -> str:

@@ -154,6 +154,18 @@ def test_the_nested_choice_takes_what_is_best_among_the_others() -> None:
     assert answer(good.without("A"), "leave-one-subject-out").accuracy == 1.0
 
 
+def test_a_nested_choice_needs_subjects_to_choose_on() -> None:
+    data = archive()
+    pairs = compare_all(replace(data, subjects=["A", "B"] * 6), PAPER)
+    with pytest.raises(ConfigError, match="needs three subjects and there are 2"):
+        choose_nested([pairs, pairs])
+
+
+def test_more_neighbours_than_a_fold_has_examples_are_refused_as_in_the_classifier() -> None:
+    with pytest.raises(ConfigError, match="E_NEIGHBORS 3 neighbours were asked for and there are 2 examples"):
+        evaluate(archive(), "donor", PAPER.with_values([("classify.neighbors", 3)]))
+
+
 @given(st.integers(1, 300), st.data())
 def test_interval_is_wilsons(total: int, data: st.DataObject) -> None:
     right = data.draw(st.integers(0, total))
