@@ -140,12 +140,12 @@ class GestureClassifier:
         weighing = None
         if chosen.representative or calibrated or chosen.neighbors == 0:
             within = _among(library.series, settings, alive)
-            if calibrated:
-                sd = 3.0 if chosen.reject_sd is None else chosen.reject_sd
-                own = calibrated_thresholds(within, codes, count, sd)
-                thresholds = own if thresholds is None else np.minimum(thresholds, own)
             if chosen.representative:
                 indices = medoids(within, codes)
+            if calibrated:
+                sd = 3.0 if chosen.reject_sd is None else chosen.reject_sd
+                own = calibrated_thresholds(within, codes, count, sd, indices)
+                thresholds = own if thresholds is None else np.minimum(thresholds, own)
             weighing = weighing_of(within[np.ix_(indices, indices)], codes[indices], count, chosen)
         self.settings_: Settings = settings
         self.n_neighbors_: int = chosen.neighbors

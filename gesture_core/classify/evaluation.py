@@ -213,7 +213,7 @@ def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None 
         examples = fold.train
         if settings.classify.representative:
             examples = examples[medoids(within[np.ix_(examples, examples)], codes[examples])]
-        thresholds = _thresholds(within, fold.train, codes, len(classes), settings)
+        thresholds = _thresholds(within, fold.train, examples, codes, len(classes), settings)
         votes = fold_votes(within, codes, examples, fold.test, settings)
         refused = refusals(votes, thresholds, settings.classify.margin)
         for row, where in enumerate(fold.test):
@@ -359,11 +359,17 @@ def _signals(data: Labelled, settings: Settings) -> tuple[list[Signals], list[in
 
 
 def _thresholds(
-    within: np.ndarray, train: np.ndarray, codes: np.ndarray, classes: int, settings: Settings
+    within: np.ndarray,
+    train: np.ndarray,
+    examples: np.ndarray,
+    codes: np.ndarray,
+    classes: int,
+    settings: Settings,
 ) -> np.ndarray:
+    """(C,) what each class's distance may be; ``examples`` are those of ``train`` that are kept."""
     chosen = settings.classify
     limit = np.full(classes, np.inf if chosen.reject is None else chosen.reject)
     if chosen.reject_sd is None:
         return limit
-    own = calibrated_thresholds(within[np.ix_(train, train)], codes[train], classes, chosen.reject_sd)
-    return np.minimum(limit, own)
+    among, kept = within[np.ix_(train, train)], np.flatnonzero(np.isin(train, examples))
+    return np.minimum(limit, calibrated_thresholds(among, codes[train], classes, chosen.reject_sd, kept))

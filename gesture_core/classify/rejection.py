@@ -36,13 +36,16 @@ def refusals(votes: Votes, thresholds: np.ndarray | None = None, margin: float |
     return codes
 
 
-def calibrated_thresholds(within: np.ndarray, codes: np.ndarray, classes: int, sd: float) -> np.ndarray:
+def calibrated_thresholds(
+    within: np.ndarray, codes: np.ndarray, classes: int, sd: float, kept: np.ndarray | None = None
+) -> np.ndarray:
     """A threshold for each class from the distances among its examples.
 
     Each example is left out once and its distance to the nearest other example of its class is
-    taken: the same quantity that a query of the class will have. The threshold is their mean plus
-    ``sd`` standard deviations (Gillian, Knapp and O'Modhrain 2011). A class with fewer than three
-    examples has no deviation of its own and takes the threshold of all classes together.
+    taken, of those that are ``kept``: the same quantity that a query of the class will have. The
+    threshold is their mean plus ``sd`` standard deviations (Gillian, Knapp and O'Modhrain 2011). A
+    class with fewer than three such distances has no deviation of its own and takes the threshold of
+    all classes together.
 
     Parameters
     ----------
@@ -53,6 +56,8 @@ def calibrated_thresholds(within: np.ndarray, codes: np.ndarray, classes: int, s
     classes : int
     sd : float
         Standard deviations above the mean; may be negative.
+    kept : int array, optional
+        The examples that queries are compared with; all by default.
 
     Returns
     -------
@@ -66,6 +71,8 @@ def calibrated_thresholds(within: np.ndarray, codes: np.ndarray, classes: int, s
     own = np.where(np.isnan(within), np.inf, within).astype(np.float64)
     own = np.where(codes[:, None] == codes[None, :], own, np.inf)
     np.fill_diagonal(own, np.inf)
+    if kept is not None:
+        own[:, np.isin(np.arange(len(codes)), kept, invert=True)] = np.inf
     nearest = own.min(axis=1) if own.size else np.empty(0)
     known = np.isfinite(nearest)
     if not known.any():

@@ -109,6 +109,21 @@ def test_thresholds_are_mean_and_deviation_of_the_nearest_classmate() -> None:
     np.testing.assert_allclose(found, nearest.mean() + 2 * nearest.std())
 
 
+def test_thresholds_of_representatives_are_those_of_the_distances_to_them() -> None:
+    random = np.random.default_rng(0)
+    points = random.normal(size=(40, 6))
+    points[20:] += 10
+    codes = np.repeat([0, 1], 20)
+    within = np.linalg.norm(points[:, None] - points[None], axis=2)
+    kept = medoids(within, codes)
+    found = calibrated_thresholds(within, codes, 2, 1.0, kept)
+    for code, medoid in enumerate(kept):
+        others = np.flatnonzero((codes == code) & (np.arange(40) != medoid))
+        own = within[others, medoid]
+        assert found[code] == pytest.approx(own.mean() + own.std())
+    assert (found > 1.2 * calibrated_thresholds(within, codes, 2, 1.0)).all()  # of the nearest of all
+
+
 def test_thresholds_need_two_examples_of_some_class() -> None:
     with pytest.raises(ConfigError) as caught:
         calibrated_thresholds(np.zeros((2, 2)), np.array([0, 1]), 2, 3.0)
