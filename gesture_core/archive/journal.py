@@ -33,6 +33,7 @@ CREATE TABLE IF NOT EXISTS rows (
   {", ".join(f"{name} {_TYPES.get(name, 'TEXT')}" for name in COLUMNS)},
   PRIMARY KEY (role, key, person)
 );
+CREATE TABLE IF NOT EXISTS published (key BLOB PRIMARY KEY, file TEXT NOT NULL);
 """
 
 
@@ -199,6 +200,23 @@ class Journal:
         with self._transaction():
             for key in keys:
                 self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, key))
+
+    def with_keypoints(self) -> set[bytes]:
+        """Keys of the inputs in which somebody was found."""
+        query = "SELECT DISTINCT key FROM rows WHERE role = 'query' AND frames_with_pose > 0"
+        return {row["key"] for row in self._db.execute(query)}
+
+    def published(self) -> dict[bytes, str]:
+        """The keypoint file that belongs to each input that has one, by the input's key."""
+        return {row["key"]: row["file"] for row in self._db.execute("SELECT key, file FROM published")}
+
+    def publish(self, key: bytes, file: str) -> None:
+        """Record that ``file`` is about to belong to an input."""
+        self._db.execute("INSERT OR REPLACE INTO published VALUES (?, ?)", (key, file))
+
+    def retract(self, key: bytes) -> None:
+        """Record that an input's keypoint file is gone."""
+        self._db.execute("DELETE FROM published WHERE key = ?", (key,))
 
     def counts(self, role: str = "query") -> dict[str, int]:
         """Number of rows by status."""

@@ -7,33 +7,86 @@ import os
 import re
 import shutil
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from gesture_core.archive.atomic import replacing
 from gesture_core.archive.discovery import Input
+from gesture_core.archive.journal import Journal
 
 _LONGEST = 120
 _ODD = re.compile(r"[^\w .=@+-]|^\.+$")
 
 
-def publish(stored: Path, target: Path) -> None:
-    """Copy a file of the keypoint store to its place under ``<out>/keypoints/``."""
-    with replacing(target) as temporary:
-        shutil.copyfile(stored, temporary)
+class KeypointFiles:
+    """The folder ``<out>/keypoints/``: one file for each input that has keypoints, as the journal knows them.
+
+    Parameters
+    ----------
+    out : Path
+        The run folder.
+    journal : Journal
+    inputs : sequence of Input
+        Of this run.
+    sources : sequence of str
+        What they were found in.
+    """
+
+    def __init__(self, out: Path, journal: Journal, inputs: Sequence[Input], sources: Sequence[str]) -> None:
+        self._folder = out / "keypoints"
+        self._journal = journal
+        self._inputs = {item.place for item in inputs}
+        self._known, own = journal.published(), {item.key for item in inputs}
+        others = [file for key, file in self._known.items() if key not in own]
+        self._names = file_names(inputs, sources, others)
+
+    def lacking(self) -> set[bytes]:
+        """Keys of inputs that have rows with keypoints, and no file of the right name."""
+        return {
+            key
+            for key in self._journal.with_keypoints() & self._names.keys()
+            if self._known.get(key) != self._names[key] or not (self._folder / self._names[key]).is_file()
+        }
+
+    def put(self, item: Input, stored: Path) -> None:
+        """Copy a file of the keypoint store to its place."""
+        name = self._names[item.key]
+        if self._known.get(item.key, name) != name:
+            self._drop(item.key)
+        self._journal.publish(item.key, name)  # first, so that no file is ever unknown
+        self._known[item.key] = name
+        with replacing(self._folder / name) as temporary:
+            shutil.copyfile(stored, temporary)
+
+    def sweep(self) -> None:
+        """Delete the files of inputs that have no keypoints any more, unless they are inputs themselves."""
+        for key in self._known.keys() - self._journal.with_keypoints():
+            self._drop(key)
+
+    def _drop(self, key: bytes) -> None:
+        path = self._folder / self._known[key]
+        if os.fsencode(os.path.normpath(path.absolute())) in self._inputs:
+            return
+        name = self._known.pop(key)
+        if name not in self._known.values():  # another source may have given it to another input by now
+            path.unlink(missing_ok=True)
+        self._journal.retract(key)
 
 
-def keypoint_files(items: Sequence[Input], sources: Sequence[str]) -> dict[bytes, Path]:
-    """Place of each input's file below ``keypoints/``, by the input's key.
+def file_names(items: Sequence[Input], sources: Sequence[str], taken: Iterable[str] = ()) -> dict[bytes, str]:
+    """Name of each input's file below ``keypoints/``, by the input's key.
 
     The folders below a source are kept: ``videos/a/b.mp4`` becomes ``a/b.mp4.parquet``. Names that
-    another input claims too, that are long, or that hold odd characters get a hash of the input's path.
+    another input claims too or that are ``taken``, that are long, or that hold odd characters get a hash
+    of the input's path.
     """
     plain = {item.key: _place(item, [Path(source) for source in sources]) for item in items}
-    claims = Counter(str(path).casefold() for path in plain.values())
+    claims = Counter(f"{path}.parquet".casefold() for path in plain.values())
+    claims.update(name.casefold() for name in taken)
     return {
-        item.key: plain[item.key] if _plain(plain[item.key], claims) else _hashed(plain[item.key], item)
+        item.key: f"{place if _plain(place, claims) else _hashed(place, item)}.parquet"
         for item in items
+        for place in [plain[item.key]]
     }
 
 
@@ -47,7 +100,7 @@ def _place(item: Input, roots: Sequence[Path]) -> Path:
 
 def _plain(path: Path, claims: Counter[str]) -> bool:
     ordinary = all(len(part) <= _LONGEST and not _ODD.search(part) for part in path.parts)
-    return ordinary and claims[str(path).casefold()] == 1
+    return ordinary and claims[f"{path}.parquet".casefold()] == 1
 
 
 def _hashed(path: Path, item: Input) -> Path:

@@ -21,7 +21,6 @@ from gesture_core.archive.extraction import Extraction
 from gesture_core.archive.extractor import STORE_FAILED
 from gesture_core.archive.folder import run_folder
 from gesture_core.archive.journal import Committed, Journal
-from gesture_core.archive.keypoint_files import publish
 from gesture_core.archive.plan import Plan, check_out, make_plan
 from gesture_core.archive.pruning import prune
 from gesture_core.archive.rows import Row
@@ -60,6 +59,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         run = _Run(request, plan, journal, listener)
         if plan.waiting:
             run.work()
+            if plan.files:
+                plan.files.sweep()  # of what has turned out to be unreadable
             if run.added:
                 prune(keypoint_store(), request.settings.limits.cache)
         failed = tuple(journal.rows("example"))
@@ -231,10 +232,8 @@ class _Run:
         """The keypoints of an input; where keypoints are all that is wanted, also as a file of the run."""
         try:
             people = _stored_poses(item, outcome)
-            if people and self.plan.deciding is None:
-                place = self.plan.keypoint_files[item.key]
-                target = self.request.out / "keypoints" / f"{place}.parquet"
-                publish(keypoint_store() / outcome.stored, target)
+            if people and self.plan.files:
+                self.plan.files.put(item, keypoint_store() / outcome.stored)
             return outcome, people
         except GestureError as error:
             return replace(outcome, stored="", code=error.code, message=error.message), []

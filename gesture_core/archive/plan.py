@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from gesture_core.archive.fingerprint import differences, fingerprint, pose_iden
 from gesture_core.archive.guarded import decider
 from gesture_core.archive.hashing import content_sha256, stamp
 from gesture_core.archive.journal import Journal
-from gesture_core.archive.keypoint_files import keypoint_files
+from gesture_core.archive.keypoint_files import KeypointFiles
 from gesture_core.archive.labels import label_folders, label_inputs
 from gesture_core.archive.probe import require_model
 from gesture_core.archive.readers import Readers
@@ -53,6 +52,8 @@ class Plan:
         From `fingerprint.run_configuration`.
     deciding : Deciding or None
         What classifies; None where keypoints are only extracted.
+    files : KeypointFiles or None
+        Where an extraction leaves its keypoints.
     announced : frozenset of str
         Labels that the folders of the examples stand for, whatever is in them.
     """
@@ -65,8 +66,8 @@ class Plan:
     hashes: dict[bytes, str]
     identity: Mapping[str, Any]
     configuration: Mapping[str, Any]
-    sources: tuple[str, ...]
     deciding: Deciding | None
+    files: KeypointFiles | None
     announced: frozenset[str] = frozenset()
 
     @property
@@ -78,11 +79,6 @@ class Plan:
     def fingerprint(self) -> str:
         """Of everything that decides a row, but for the input."""
         return fingerprint(self.configuration)
-
-    @cached_property
-    def keypoint_files(self) -> dict[bytes, Path]:
-        """Places of the keypoint files that an extraction leaves, by the inputs' keys."""
-        return keypoint_files(self.inputs, self.sources)
 
 
 def check_out(request: RunRequest) -> None:
@@ -132,7 +128,11 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
     configuration = run_configuration(settings, identity, [(e, hashes[e.key]) for e in examples], kernel)
     changed = _changes(journal, configuration, overwrite=request.overwrite)
     done = {} if changed or request.overwrite else journal.done(retry_errors=request.retry_errors)
-    waiting = [item for item in inputs if not _is_done(journal, item, stamps[item.key], done)]
+    files = KeypointFiles(request.out, journal, inputs, request.sources) if not examples else None
+    lacking = files.lacking() if files else set()
+    waiting = [
+        item for item in inputs if item.key in lacking or not _is_done(journal, item, stamps[item.key], done)
+    ]
     if any(item.kind == "video" for item in (*waiting, *examples)) and waiting:
         require_model(settings, identity, request.engine)
     if deciding and waiting:
@@ -141,6 +141,8 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
         journal.clear()
     journal.set({"configuration": configuration, "fingerprint": fingerprint(configuration)})
     journal.forget(_gone(journal, inputs))
+    if files:
+        files.sweep()
     return Plan(
         settings,
         inputs,
@@ -150,8 +152,8 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
         hashes,
         identity,
         configuration,
-        request.sources,
         deciding,
+        files,
         frozenset(label_folders(request.examples, request.out) if request.labels == "folder" else ()),
     )
 
