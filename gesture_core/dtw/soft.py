@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from gesture_core.dtw.distances import check_distances, choose_kernel, make_batches
+from gesture_core.dtw.lanes import used_dimensions
 from gesture_core.dtw.pairs import pair_distances
 from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError
+from gesture_core.plugin.kinds import DistanceKernel
 from gesture_core.types import SignalBatch, Signals
 
 
@@ -84,19 +86,32 @@ def soft_divergence(
 ) -> np.ndarray:
     """(Q, N) soft-DTW divergence (Blondel, Mensch and Vert 2021).
 
-    The value of each pair less the mean of the values of its two series with themselves: zero for
-    equal series, and for squared costs never negative.
+    The value of each pair less the mean of the values of its two series with themselves, on the
+    dimensions that the pair is compared on: zero for equal series, and for squared costs never negative.
+    Infinity where a pair has no dimension in common.
     """
     _need_gamma(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
     name, chosen = choose_kernel(kernel, spec)
     values = np.asarray(chosen.distances(chosen.prepare(example_batch, spec), query_batch))
     check_distances(values, query_batch, example_batch, name)
-    own = []
-    for batch in (query_batch, example_batch):
-        index = np.arange(len(batch))
-        own.append(pair_distances(chosen, batch, batch, spec, index, index))
-    return values - (own[0][:, None] + own[1][None, :]) / 2
+    qi, ei = (index.reshape(-1) for index in np.indices(values.shape))
+    use = used_dimensions(query_batch, example_batch, qi, ei)
+    own = _with_itself(chosen, query_batch, qi, use, spec) + _with_itself(
+        chosen, example_batch, ei, use, spec
+    )
+    return values - np.where(use.any(axis=1), own / 2, 0).reshape(values.shape)
+
+
+def _with_itself(
+    kernel: DistanceKernel, batch: SignalBatch, index: np.ndarray, use: np.ndarray, spec: DtwSpec
+) -> np.ndarray:
+    """(K,) value of series ``index[k]`` with itself on the dimensions ``use[k]``, each computed once."""
+    _, first, place = np.unique(np.column_stack([index, use]), axis=0, return_index=True, return_inverse=True)
+    which, dimensions = index[first], use[first]
+    alone = SignalBatch(batch.values[which], batch.lengths[which], dimensions, dimensions)
+    every = np.arange(len(first))
+    return pair_distances(kernel, alone, alone, spec, every, every)[place.reshape(-1)]
 
 
 def _need_gamma(spec: DtwSpec) -> None:

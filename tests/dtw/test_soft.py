@@ -66,6 +66,28 @@ def test_divergence(gamma: float) -> None:
     assert (table > -1e-9).all() and np.allclose(table, table.T, atol=1e-9)
 
 
+@pytest.mark.parametrize("mode", ["independent", "dependent"])
+def test_divergence_is_that_of_the_dimensions_that_a_pair_is_compared_on(mode: str) -> None:
+    rng = np.random.default_rng(0)
+    spec = SOFT.replace(mode=mode)
+    masks = np.array([[1, 0], [0, 1], [1, 1], [0, 0]], bool)
+    series = [
+        Signals(rng.normal(size=(n, 2)), np.arange(n), ("a_x", "b_x"), mask)
+        for n, mask in zip((4, 5, 6, 7), masks, strict=True)
+    ]
+    table = soft_divergence(series, series, spec, kernel="numpy")
+    for i, x in enumerate(series):
+        for j, y in enumerate(series):
+            use = masks[i] | masks[j]
+            if not use.any():
+                assert table[i, j] == np.inf
+                continue
+            pair, *own = (
+                reference_distance(a.values, b.values, spec, use) for a, b in ((x, y), (x, x), (y, y))
+            )
+            assert table[i, j] == pytest.approx(pair - sum(own) / 2, abs=1e-4) and table[i, j] > -1e-5
+
+
 @pytest.mark.parametrize("name", SOFT_KERNELS)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("gamma", [1e-300, 1e-13, 1e-6])
