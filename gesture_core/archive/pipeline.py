@@ -65,6 +65,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
                 prune(keypoint_store(), request.settings.limits.cache)
         failed = tuple(journal.rows("example"))
         classes = Counter(str(item.label) for item in _usable(plan.examples, failed) if item.label)
+        known = set(plan.hashes.values()) - {""}
         lost = (_labels(plan.examples) | plan.announced) - classes.keys()
         return RunSummary(
             request.out,
@@ -78,6 +79,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             tuple(sorted(lost)),
             dict(run.assumed),
             dict(sorted(classes.items())),
+            sum(sha256 in known for sha256 in journal.done().values()),
         )
 
 

@@ -94,6 +94,8 @@ class RunSummary:
         times, and of how many inputs and examples that this run looked at.
     classes : mapping
         Number of examples that can be used, by label.
+    inputs_among_examples : int
+        Inputs whose content is that of an example: they find themselves.
     """
 
     out: Path
@@ -107,6 +109,7 @@ class RunSummary:
     lost_classes: tuple[str, ...] = ()
     assumed: Mapping[str, int] = field(default_factory=dict)
     classes: Mapping[str, int] = field(default_factory=dict)
+    inputs_among_examples: int = 0
 
     @property
     def exit_code(self) -> int:

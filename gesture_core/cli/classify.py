@@ -87,6 +87,7 @@ def say_summary(summary: RunSummary) -> None:
         failed_examples=[row.input for row in summary.failed_examples],
         lost_classes=list(summary.lost_classes),
         classes=dict(summary.classes),
+        inputs_among_examples=summary.inputs_among_examples,
         assumed=dict(summary.assumed),
         database=str(summary.out / "run.db"),
         fingerprint=summary.fingerprint,
@@ -126,6 +127,13 @@ def _say_classes(summary: RunSummary) -> None:
         print(f"examples: {', '.join(counts[:_CLASSES_SHOWN])}{more}", file=sys.stderr)
     if len(counts) == 1:
         print("all examples have one label: every input that is near enough gets it", file=sys.stderr)
+    if summary.inputs_among_examples == 1:
+        print("1 input is among the examples itself: its label is no result", file=sys.stderr)
+    elif summary.inputs_among_examples:
+        number = summary.inputs_among_examples
+        print(
+            f"{number} inputs are among the examples themselves: their labels are no result", file=sys.stderr
+        )
     if summary.lost_classes:
         lost = visible(", ".join(summary.lost_classes))
         print(f"no example of {lost} can be used: no input gets such a label", file=sys.stderr)

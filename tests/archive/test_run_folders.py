@@ -54,3 +54,6 @@ def test_classes_are_counted_and_folders_of_none_are_lost(folder: Path) -> None:
         summary = run(folder, "run")
         assert summary.classes == {"left": 2, "right": 1}
         assert summary.lost_classes == ("empty", "picture") and summary.exit_code == 3
+        assert summary.inputs_among_examples == 0
+    shutil.copy(folder / "examples" / "left" / "1.npz", folder / "videos" / "copy.npz")
+    assert run(folder, "run").inputs_among_examples == 1

@@ -30,6 +30,8 @@ def test_labels_are_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
 
 
 def test_one_label_is_no_choice(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = said(monkeypatch, capsys, classes={"wave": 3}, inputs_among_examples=1)
+    assert lines[-1] == "1 input is among the examples itself: its label is no result"
     lines = said(monkeypatch, capsys, classes={"wave": 3})
     assert lines[-1] == "all examples have one label: every input that is near enough gets it"
     assert len(said(monkeypatch, capsys)) == 1, "keypoints alone have no labels"
