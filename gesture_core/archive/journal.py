@@ -201,10 +201,10 @@ class Journal:
             for key in keys:
                 self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, key))
 
-    def with_keypoints(self) -> set[bytes]:
+    def with_keypoints(self) -> frozenset[bytes]:
         """Keys of the inputs in which somebody was found."""
         query = "SELECT DISTINCT key FROM rows WHERE role = 'query' AND frames_with_pose > 0"
-        return {row["key"] for row in self._db.execute(query)}
+        return frozenset(row["key"] for row in self._db.execute(query))
 
     def published(self) -> dict[bytes, str]:
         """The keypoint file that belongs to each input that has one, by the input's key."""

@@ -25,8 +25,8 @@ _USAGE = frozenset(
 app = App(
     name="gesture",
     help="A folder of videos and a folder of example gestures in, a table of labels out.",
-    help_epilogue="Exit codes: 0 all done, 1 fatal, 2 usage, 3 finished with errors or degraded rows, "
-    "11 another run holds the folder, 130 and 143 interrupted.",
+    help_epilogue="Exit codes: 0 all done, 1 fatal, 2 usage, 3 finished with errors, degraded rows "
+    "or lost examples, 11 another run holds the folder, 130 and 143 interrupted.",
     version=__version__,
     help_format="plaintext",
     default_parameter=Parameter(negative=()),
