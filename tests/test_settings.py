@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gesture_core.dtw.spec import DtwSpec
+from gesture_core.dtw.spec import BandMask
 from gesture_core.errors import ConfigError
 from gesture_core.media.limits import Limits
 from gesture_core.settings import LimitSettings, Settings, load_settings, presets, settings_from_dict
@@ -47,6 +47,7 @@ def test_values_are_read_by_the_type_of_the_setting() -> None:
     assert settings.pose.follow is True
     assert settings.pose.model == "007"
     assert load("t_var=0.2").options["variance"]["t_var"] == 0.2
+    assert load("filters=").signals.filters == ()
     assert isinstance(load("window=3").dtw.window, int)
     assert isinstance(load("window=0.5").dtw.window, float)
 
@@ -66,7 +67,7 @@ def test_values_are_read_by_the_type_of_the_setting() -> None:
         ("nonsense", "key=value"),
         ("height=true", "a whole number"),
         ("dtw.weights=1", "a list of numbers"),
-        ("filters=1", "a list of names"),
+        ("filters=0", "a list of names"),
         ("dtw.mask=1", "a BandMask, from Python"),
     ],
 )
@@ -76,18 +77,28 @@ def test_mistakes_are_named_with_a_remedy(setting: str, hint: str) -> None:
     assert hint in str(caught.value)
 
 
-def test_a_mask_cannot_be_written_down() -> None:
+def test_a_mask_is_given_from_python_and_cannot_be_written_down() -> None:
+    mask = BandMask.of(np.ones((3, 3), bool))
+    settings = Settings().with_values([("dtw.mask", mask)])
+    assert settings.dtw.mask == mask
     with pytest.raises(ConfigError, match=r"dtw\.mask cannot be written down"):
-        Settings(dtw=DtwSpec(mask=np.ones((3, 3), bool))).as_dict()  # type: ignore[arg-type]
+        settings.as_dict()
 
 
 def test_wrong_files_are_named(tmp_path: Path) -> None:
-    broken, strange = tmp_path / "broken.toml", tmp_path / "strange.toml"
-    broken.write_text("[dtw\n")
-    strange.write_text("[dwt]\nwindow = 1\n")
-    for file, hint in ((broken, "not TOML"), (strange, "dtw"), (tmp_path / "absent.toml", "paper")):
+    file = tmp_path / "mine.toml"
+    for text, hint in (
+        ("[dtw\n", "not TOML"),
+        ("[dwt]\nwindow = 1\n", "did you mean dtw"),
+        ("dtw = 1\n", "dtw is no table"),
+        ("options = 1\n", "options is no table"),
+        ("[options]\ngaussian = 1\n", r"try: \[options.gaussian\]"),
+    ):
+        file.write_text(text)
         with pytest.raises(ConfigError, match=hint):
             load(preset=file)
+    with pytest.raises(ConfigError, match="paper"):
+        load(preset=tmp_path / "absent.toml")
 
 
 def test_defaults_are_frozen() -> None:

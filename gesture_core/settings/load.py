@@ -88,12 +88,15 @@ def _from_toml(name: str, above: tuple[str, ...] = ()) -> Settings:
     if base and base not in presets():
         base = str(Path(name).parent / base)
     settings = replace(_from_toml(base, (*above, name)) if base else Settings(), preset=name)
-    settings = with_options(settings, tree.pop("options", {}), name)
     for section, values in tree.items():
-        if section not in SECTIONS or not isinstance(values, dict):
+        if section not in SECTIONS and section != "options":
             raise ConfigError(
                 f"unknown table [{section}]", subject=name, remedy=near(section, [*SECTIONS, "options"])
             )
+        if not isinstance(values, dict):
+            raise ConfigError(f"{section} is no table", subject=name, remedy=f"[{section}]")
+    settings = with_options(settings, tree.pop("options", {}), name)
+    for section, values in tree.items():
         settings = change(settings, section, values, name)
     return settings
 

@@ -48,7 +48,9 @@ def read_value(key: str, value: Any, hint: Any, origin: str) -> Any:
         return None
     for option in (o for o in options if o is not type(None)):
         if get_origin(option) is tuple:
-            items = plain.split(",") if isinstance(plain, str) else plain
+            items = plain
+            if isinstance(plain, str):
+                items = plain.split(",") if plain else ()
             if isinstance(items, list | tuple):
                 scalar = get_args(option)[0]
                 return tuple(
@@ -59,7 +61,7 @@ def read_value(key: str, value: Any, hint: Any, origin: str) -> Any:
                 return float(plain)
         elif option is str and isinstance(value, str):
             return value
-        elif (option in (int, bool) and type(plain) is option) or plain in get_args(option):
+        elif type(plain) is option or plain in get_args(option):
             return plain
     wanted = " or ".join(_wanted(option) for option in options if option is not type(None))
     raise ConfigError(f"{origin}: {key} = {value!r}", remedy=wanted, code="E_OPTION")
