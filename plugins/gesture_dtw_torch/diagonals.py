@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
+
+from gesture_core.dtw.lanes import unreached
 
 
 class Band(NamedTuple):
@@ -39,7 +42,7 @@ def diagonals(rows: int, columns: int) -> Iterator[Diagonal]:
 
 def border_value(x: Tensor) -> float:
     """What cells hold that no path reaches."""
-    return 1e32 if x.dtype == torch.float32 else 1e250
+    return unreached(np.dtype(str(x.dtype).removeprefix("torch.")))
 
 
 def local_costs(x: Tensor, y: Tensor, cost: str) -> Tensor:
