@@ -84,10 +84,10 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
 
 
 def _remedy(first: Row) -> str:
-    """What to try where no example can be used."""
+    """What to try where no example can be used, and the first one's row does not say it."""
     if first.code.startswith(PLUGIN_CODES):
         return "another version of that plugin, or settings without it"
-    return "better clips"
+    return "" if "; try: " in first.message else "better clips"
 
 
 def _usable(examples: Sequence[Input], failed: Sequence[Row]) -> list[Input]:

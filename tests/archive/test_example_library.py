@@ -60,6 +60,14 @@ def test_a_library_that_nobody_reads_is_no_library(folder: Path) -> None:
         run(folder)
 
 
+def test_the_remedy_is_said_once_where_no_example_can_be_used(folder: Path) -> None:
+    for joint, label in ((4, "right"), (7, "left")):
+        write_clip(folder / "examples" / label / "1.npz", 2, joint)
+    with pytest.raises(InputError, match=r"E_EXAMPLES no example .*E_POSE_SHORT") as caught:
+        run(folder)
+    assert str(caught.value).count("try: ") == 1
+
+
 def test_a_stranger_counts_as_no_neighbour(folder: Path) -> None:
     (folder / "examples" / "right" / "2.rmvb").touch()
     done = gesture(
