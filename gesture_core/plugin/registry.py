@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gesture_core.errors import ConfigError, MissingDependencyError, PluginError
+from gesture_core.errors import ConfigError, GestureError, MissingDependencyError, PluginError
 from gesture_core.plugin.kinds import KINDS
 
 _OURS = "gesture-core"
@@ -195,6 +195,8 @@ class Registry:
         ------
         ConfigError
             Where it does not take one of the options, or refuses a value.
+        PluginError
+            Where it raises anything else.
         """
         entry = self.find(kind, name)
         factory = self.load(kind, name)
@@ -207,6 +209,14 @@ class Registry:
                 f"{entry.title} refuses its options: {error}" if options else f"{entry.title}: {error}",
                 remedy=f"'gesture plugins {name}' lists its options",
                 code="E_OPTION",
+            ) from error
+        except (GestureError, MemoryError, OSError):
+            raise
+        except (Exception, SystemExit) as error:
+            raise PluginError(
+                f"{entry.title} of {entry.origin} raised {type(error).__name__}: {error}",
+                remedy=f"other options ('gesture plugins {name}' lists them), or repair or uninstall it",
+                code="E_PLUGIN_RAISED",
             ) from error
 
 

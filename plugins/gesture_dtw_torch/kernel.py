@@ -32,6 +32,12 @@ class TorchKernel(LaneKernel):
     lane_cells = 1 << 18
     lane_count = 4096
 
+    def __post_init__(self) -> None:
+        try:
+            torch.device("cpu" if self.where == "auto" else self.where)
+        except (RuntimeError, TypeError) as error:
+            raise ValueError(f"where {self.where!r} is no device of Torch") from error
+
     @cached_property
     def device(self) -> str:
         """The Torch device that computes."""

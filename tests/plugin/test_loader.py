@@ -123,6 +123,23 @@ def test_options_that_a_plugin_does_not_take_are_a_setting_error() -> None:
     assert "gesture plugins gaussian" in str(caught.value)
 
 
+class Fragile:
+    def __init__(self, wanted: object = None) -> None:
+        raise LookupError(f"nothing like {wanted}")
+
+
+def test_a_plugin_that_raises_as_it_is_made_is_named() -> None:
+    found = registered("register_filters", {"name": "fragile", "target": f"{__name__}:Fragile"})
+    with pytest.raises(
+        PluginError, match=r"filter 'fragile' of other 1\.0 raised LookupError: nothing like 3"
+    ):
+        found.make("filter", "fragile", {"wanted": 3})
+    if registry().find("kernel", "torch").missing:
+        return
+    with pytest.raises(ConfigError, match="where 'nonsense' is no device"):
+        registry().make("kernel", "torch", {"where": "nonsense"})
+
+
 def test_a_broken_distribution_is_a_line_and_the_rest_works(tmp_path: Path) -> None:
     make_distribution(tmp_path, "bad-import", "import no_such_module_anywhere\n")
     make_distribution(tmp_path, "bad-exit", "raise SystemExit(3)\n")
