@@ -129,7 +129,9 @@ class _Walk:
         if path.is_file() and (entries := read_manifest(path)) is not None:
             for entry, label in entries:
                 if not entry.exists():
-                    raise _not_found(entry, f"listed in {printable(os.fspath(path))}")
+                    raise _not_found(
+                        entry, f"in {printable(os.fspath(path))}, which is read as a list of paths"
+                    )
                 if label:  # a folder inside another one has been walked into, by another label perhaps
                     self._been.clear()
                 for item in self.path(entry):

@@ -129,7 +129,7 @@ def _fail(text: str, code: int) -> int:
 
 
 def _interrupted(arguments: Sequence[str], code: int) -> int:
-    if arguments[:1] in (["classify"], ["extract"]):
+    if arguments[:1] in (["classify"], ["extract"], ["evaluate"]):  # keypoints that were found are kept
         return _fail(f"interrupted; resume with: gesture {shlex.join(arguments)}", code)
     return _fail("interrupted", code)
 

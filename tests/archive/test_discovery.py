@@ -60,7 +60,7 @@ def test_text_and_csv_manifests(folder: Path) -> None:
     assert [i.label for i in items] == ["wave", "clap"]
     assert [i.label for i in label_inputs(items, "folder", [folder])] == ["wave", "clap"]
     (folder / "list.txt").write_text("absent.mp4\n")
-    with pytest.raises(InputError, match=r"absent\.mp4"):
+    with pytest.raises(InputError, match=r"absent\.mp4: .*list\.txt, which is read as a list of paths"):
         names(folder / "list.txt")
 
 
