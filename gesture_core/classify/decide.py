@@ -43,67 +43,62 @@ def decide(
     """
     classes = library.classes
     votes = votes_of(distances, library.codes, len(classes), k, weighing)
-    codes = refusals(votes, thresholds, margin)
+    codes = refusals(votes, thresholds, margin, [is_still(query) for query in queries])
     named = speakers(distances, library.codes, votes, k)
     return [
         _prediction(
             index,
             votes,
             classes,
-            _wanting(codes[index], int(votes.winners[index]), thresholds, margin),
+            codes[index],
+            _limit(codes[index], int(votes.winners[index]), thresholds, margin),
             tuple(
                 (library.names[i], str(library.labels[i]), float(distances[index, i])) for i in named[index]
             ),
             query.selected if isinstance(query, Signals) else (),
-            is_still(query),
         )
         for index, query in enumerate(queries)
     ]
 
 
-def _wanting(
-    code: str, winner: int, thresholds: np.ndarray | None, margin: float | None
-) -> tuple[str, float] | None:
-    """Why a winner gives no label: the code, and the limit that was not met."""
+def _limit(code: str, winner: int, thresholds: np.ndarray | None, margin: float | None) -> float:
+    """The limit that a winner without a label did not meet."""
     if code == "E_REJECTED" and thresholds is not None:
-        return code, float(thresholds[winner])
-    if code == "E_UNSURE" and margin is not None:
-        return code, margin
-    return None
+        return float(thresholds[winner])
+    return margin if code == "E_UNSURE" and margin is not None else 0.0
 
 
 def _prediction(
     index: int,
     votes: Votes,
     classes: np.ndarray,
-    wanting: tuple[str, float] | None,
+    code: str,
+    limit: float,
     neighbors: tuple[tuple[str, str, float], ...],
     selected: tuple[str, ...],
-    still: bool,
 ) -> Prediction:
     winner = int(votes.winners[index])
-    if winner < 0 and still:
+    if code == "E_NO_SALIENT":
         return Prediction(
             None,
             "rejected",
-            code="E_NO_SALIENT",
+            code=code,
             message="nothing moves enough, and no example is that still; "
             "a person who stands still makes no gesture; try: an example of the posture, if it is a class",
         )
-    if winner < 0:
+    if code == "E_NO_COMMON":
         return Prediction(
             None,
             "error",
             selected=selected,
-            code="E_NO_COMMON",
+            code=code,
             message="no example has a dimension in common with this input; "
             "try: examples in which the same joints are seen",
         )
     label, distance = str(classes[winner]), float(votes.distances[index])
     margin = float(votes.margins[index])
     known = {"margin": margin if np.isfinite(margin) else None, "neighbors": neighbors, "selected": selected}
-    if wanting is not None:
-        code, limit = wanting
+    if code:
         message = f"{label} at best, whose nearest example is at {distance:.4g}, above {limit:.4g}"
         if code == "E_UNSURE":
             rival = next((f" before {other}" for _, other, _ in neighbors if other != label), "")

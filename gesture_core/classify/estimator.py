@@ -44,7 +44,7 @@ class GestureClassifier:
     reject : float or "calibrated" or None
         Largest distance that gets a label; ``"calibrated"`` takes mean + ``reject_sd`` (of the
         preset, otherwise 3) standard deviations of the distances inside each class. None leaves
-        it to the preset.
+        it to the preset, whose largest distance is one of signals and is not asked of bare arrays.
     rejected_label : object
         What `predict` answers where it gives no label: None, or a label of your own for metrics
         that compare strings.
@@ -54,7 +54,8 @@ class GestureClassifier:
     n_neighbors_ : int
         Examples that vote; 0 where all of them decide.
     settings_ : Settings
-        What `fit` resolved; later changes of files and of the environment do not reach it.
+        What `fit` resolved, ``kernel`` and ``n_neighbors`` included; later changes of files and of the
+        environment do not reach it.
     classes_ : (C,) array
         The labels, each once, sorted.
     library_ : ExampleLibrary

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gesture_core.classify.comparison import compare
+from gesture_core.classify.comparison import compare, is_still
 from gesture_core.classify.library import medoids
 from gesture_core.classify.neighbors import Votes, votes_of
 from gesture_core.classify.protocols import folds
@@ -155,6 +155,8 @@ class Compared:
         Distances.
     errors : mapping
         Position in ``data`` of what could not be used, and why.
+    still : (M,) bool array, optional
+        Sequences in which nothing moves.
     """
 
     data: Labelled
@@ -162,12 +164,14 @@ class Compared:
     usable: np.ndarray
     within: np.ndarray
     errors: dict[int, GestureError]
+    still: np.ndarray | None = None
 
     def without(self, subject: str) -> Compared:
         """The same data as if ``subject`` had never been recorded."""
         kept = np.array([self.data.subjects[i] != subject for i in self.usable], bool)
         errors = {i: e for i, e in self.errors.items() if self.data.subjects[i] != subject}
-        return replace(self, usable=self.usable[kept], within=self.within[np.ix_(kept, kept)], errors=errors)
+        within, still = self.within[np.ix_(kept, kept)], None if self.still is None else self.still[kept]
+        return replace(self, usable=self.usable[kept], within=within, errors=errors, still=still)
 
 
 def compare_all(data: Labelled, settings: Settings) -> Compared:
@@ -183,7 +187,8 @@ def compare_all(data: Labelled, settings: Settings) -> Compared:
         first = f"; the first one: {next(iter(errors.values()))}" if errors else ""
         raise InputError(f"{len(usable)} sequences can be used{first}", code="E_EMPTY")
     within = compare(signals, signals, settings).astype(np.float64)
-    return Compared(data, settings, np.array(usable, np.int64), within, errors)
+    still = np.array([is_still(item) for item in signals], bool)
+    return Compared(data, settings, np.array(usable, np.int64), within, errors, still)
 
 
 def evaluate(data: Labelled, protocol: str, settings: Settings) -> Evaluation:
@@ -215,7 +220,8 @@ def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None 
             examples = examples[medoids(within[np.ix_(examples, examples)], codes[examples])]
         thresholds = _thresholds(within, fold.train, examples, codes, len(classes), settings)
         votes = fold_votes(within, codes, examples, fold.test, settings)
-        refused = refusals(votes, thresholds, settings.classify.margin)
+        still = None if compared.still is None else compared.still[fold.test]
+        refused = refusals(votes, thresholds, settings.classify.margin, still)
         for row, where in enumerate(fold.test):
             origin = int(usable[where])
             answers.append(_answer(data, origin, fold.name, votes, row, classes, thresholds, refused[row]))

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gesture_core.classify.neighbors import Votes
 from gesture_core.errors import ConfigError
 
 
-def refusals(votes: Votes, thresholds: np.ndarray | None = None, margin: float | None = None) -> list[str]:
+def refusals(
+    votes: Votes,
+    thresholds: np.ndarray | None = None,
+    margin: float | None = None,
+    still: Sequence[bool] | np.ndarray | None = None,
+) -> list[str]:
     """Why each query gets no label: the code of the reason, empty where it gets one.
 
     Parameters
@@ -19,16 +26,20 @@ def refusals(votes: Votes, thresholds: np.ndarray | None = None, margin: float |
         Largest distance at which each class lends its label (E_REJECTED).
     margin : float, optional
         Smallest margin that a label needs (E_UNSURE).
+    still : sequence of Q bool, optional
+        Queries in which nothing moves.
 
     Returns
     -------
     list of Q str
-        E_NO_COMMON where no example could be compared.
+        Where no example could be compared, E_NO_SALIENT of a query in which nothing moves, and
+        E_NO_COMMON of any other.
     """
     codes = []
-    for winner, distance, lead in zip(votes.winners, votes.distances, votes.margins, strict=True):
+    rows = zip(votes.winners, votes.distances, votes.margins, strict=True)
+    for index, (winner, distance, lead) in enumerate(rows):
         if winner < 0:
-            codes.append("E_NO_COMMON")
+            codes.append("E_NO_SALIENT" if still is not None and still[index] else "E_NO_COMMON")
         elif thresholds is not None and not distance <= thresholds[winner]:
             codes.append("E_REJECTED")
         else:

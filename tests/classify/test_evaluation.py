@@ -154,6 +154,17 @@ def test_the_nested_choice_takes_what_is_best_among_the_others() -> None:
     assert answer(good.without("A"), "leave-one-subject-out").accuracy == 1.0
 
 
+def test_a_sequence_in_which_nothing_moves_has_the_code_that_the_classifier_gives() -> None:
+    data = archive()
+    still = pose(swing(size=0.0, frames=30) + np.random.default_rng(0).normal(0, 0.5, (30, 18, 2)))
+    found = evaluate(
+        replace(data, poses=[still, *data.poses[1:]]),
+        "leave-one-subject-out",
+        load_settings("modern", environment={}),
+    )
+    assert [a.code for a in found.answers if a.name == data.names[0]] == ["E_NO_SALIENT"]
+
+
 def test_a_nested_choice_needs_subjects_to_choose_on() -> None:
     data = archive()
     pairs = compare_all(replace(data, subjects=["A", "B"] * 6), PAPER)
