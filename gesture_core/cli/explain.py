@@ -220,9 +220,10 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
         columns += [f"cost: {far.label}", f"speaks for {near.label}"]
     print_table(columns, rows, right=columns[1:])
     left = len(order) - len(rows)
-    notes = [f"{counted(left, 'more channel')} with smaller differences"] if left else []
+    what = "costs" if far is None else "differences"
+    notes = [f"{counted(left, 'more channel')} with smaller {what}"] if left else []
     idle = len(used) - len(order)
-    notes += [f"{counted(idle, 'channel')} left out"] if idle else []
+    notes += [f"{counted(idle, 'channel')} not compared"] if idle else []
     print("; ".join([*notes, "costs add up to the distance"]))
     _print_voices(found)
 

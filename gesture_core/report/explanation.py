@@ -85,17 +85,18 @@ def _bars_of_one(axes: Any, side: Alignment, order: list[int]) -> None:
 
 
 def _bars(axes: Any, sides: list[Alignment], order: list[int]) -> None:
-    """Cost of the channels that tell the two apart, side by side."""
+    """Cost of the channels that tell the two apart, side by side; of one, of what costs most."""
     top = order[: _BARS // 2]
     height = 0.8 / len(sides)
     for number, (side, colour) in enumerate(zip(sides, (BLUE, ORANGE), strict=False)):
         places = [row + number * height for row in range(len(top))]
         axes.barh(places, [side.costs[c] for c in top], height, color=colour, label=side.label)
-    axes.set_yticks([r + height / 2 for r in range(len(top))], [sides[0].query.channels[c] for c in top])
+    middle = height * (len(sides) - 1) / 2
+    axes.set_yticks([r + middle for r in range(len(top))], [sides[0].query.channels[c] for c in top])
     _few_ticks(axes)
     axes.invert_yaxis()
     axes.legend(fontsize=7, loc="lower right")  # the longest bars are at the top
-    axes.set_title("channels that decide", fontsize=9)
+    axes.set_title("channels that decide" if len(sides) > 1 else "largest parts of its distance", fontsize=9)
 
 
 def _few_ticks(axes: Any) -> None:
