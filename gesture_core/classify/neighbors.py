@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
@@ -32,12 +33,12 @@ def k_nearest(distances: np.ndarray, k: int = 1) -> Neighbors:
     Raises
     ------
     ConfigError
-        Where ``k`` is not between 1 and the number of examples.
+        Where ``k`` is no whole number between 1 and the number of examples.
     """
     distances = np.asarray(distances, np.float64)
     if distances.ndim != 2:
         raise InputError(f"distances have shape {distances.shape}, expected (Q, N)", code="E_DIMENSIONS")
-    if not 1 <= k <= distances.shape[1]:
+    if not isinstance(k, Integral) or not 1 <= k <= distances.shape[1]:
         raise ConfigError(
             f"{k} neighbours were asked for and there are {distances.shape[1]} examples",
             remedy=f"classify.neighbors between 1 and {distances.shape[1]}",

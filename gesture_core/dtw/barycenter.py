@@ -10,7 +10,8 @@ from gesture_core.dtw.distances import warping_distances
 from gesture_core.dtw.paths import warping_path
 from gesture_core.dtw.soft import soft_gradients
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.errors import ConfigError, InputError
+from gesture_core.errors import ConfigError
+from gesture_core.types import SignalBatch
 
 DBA = DtwSpec(mode="dependent", cost="squared", reduce="sum")
 SOFT = DBA.replace(gamma=1.0)
@@ -43,7 +44,7 @@ def dba(
     if spec.mode != "dependent" or spec.cost != "squared" or spec.gamma is not None:
         raise ConfigError("averaging minimises dependent, squared, hard costs only", code="E_OPTION")
     arrays = _matrices(series)
-    center = _medoid(arrays, spec) if start is None else _matrix(start).copy()
+    center = _medoid(arrays, spec) if start is None else _matrices([start])[0]
     weights = 1.0 if spec.weights is None else np.array(spec.weights)
     last = np.inf
     for _ in range(iterations):
@@ -87,7 +88,7 @@ def soft_barycenter(
     from scipy.optimize import minimize
 
     arrays = _matrices(series)
-    center = _medoid(arrays, spec.replace(gamma=None)) if start is None else _matrix(start)
+    center = _medoid(arrays, spec.replace(gamma=None)) if start is None else _matrices([start])[0]
     share = np.full(len(arrays), 1 / len(arrays)) if weights is None else np.asarray(weights, np.float64)
 
     def objective(flat: np.ndarray) -> tuple[float, np.ndarray]:
@@ -99,15 +100,9 @@ def soft_barycenter(
 
 
 def _matrices(series: Sequence[np.ndarray]) -> list[np.ndarray]:
-    if len(series) == 0:
-        raise InputError("no series to average", code="E_EMPTY")
-    return [_matrix(item) for item in series]
-
-
-def _matrix(item: np.ndarray) -> np.ndarray:
-    """(T, D) float64."""
-    array = np.asarray(item, np.float64)
-    return array[:, None] if array.ndim == 1 else array
+    """Each as (T, D) float64; an InputError for what cannot be averaged."""
+    batch = SignalBatch.of(series, np.float64)
+    return [values[:length] for values, length in zip(batch.values, batch.lengths, strict=True)]
 
 
 def _medoid(arrays: list[np.ndarray], spec: DtwSpec) -> np.ndarray:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gesture_core.errors import SignalError
+from gesture_core.errors import InputError, SignalError
 
 
 def derivatives(series: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -28,11 +28,23 @@ def derivatives(series: Sequence[np.ndarray]) -> list[np.ndarray]:
     ------
     SignalError
         Where a series is shorter than three frames.
+    InputError
+        Where one is no array of frames, or has masked values.
     """
-    return [_derivative(np.asarray(item), index) for index, item in enumerate(series)]
+    return [_derivative(item, index) for index, item in enumerate(series)]
 
 
-def _derivative(x: np.ndarray, index: int) -> np.ndarray:
+def _derivative(item: np.ndarray, index: int) -> np.ndarray:
+    if np.ma.is_masked(item):
+        raise InputError(
+            f"series {index} has masked values", remedy="fill the gaps first", code="E_NOT_FINITE"
+        )
+    x = np.asarray(item)
+    if x.ndim not in (1, 2) or x.dtype.kind not in "iuf":
+        raise InputError(
+            f"series {index} is {x.dtype} of shape {x.shape}, expected numbers of shape (T,) or (T, D)",
+            code="E_DIMENSIONS",
+        )
     if len(x) < 3:
         raise SignalError(
             f"series {index} has {len(x)} frames, derivative DTW needs 3", code="E_SIGNAL_SHORT"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -75,11 +76,11 @@ def search(
     Raises
     ------
     ConfigError
-        Where ``k`` is not between 1 and the number of examples.
+        Where ``k`` is no whole number between 1 and the number of examples.
     """
     spec = as_spec(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
-    if not 1 <= k <= len(example_batch):
+    if not isinstance(k, Integral) or not 1 <= k <= len(example_batch):
         raise ConfigError(f"k = {k} of {len(example_batch)} examples", code="E_OPTION")
     name, chosen = choose_kernel(kernel, spec)
     state = chosen.prepare(example_batch, spec)

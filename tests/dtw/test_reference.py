@@ -10,7 +10,7 @@ from gesture_core.dtw.derivative import derivatives
 from gesture_core.dtw.fastdtw import FastDtwKernel, fastdtw
 from gesture_core.dtw.reference import accumulate, reference_distance
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.errors import ConfigError, SignalError
+from gesture_core.errors import ConfigError, InputError, SignalError
 
 X = np.array([0.0, 1, 3, 2, 0, -1, 0.5])
 Y = np.array([0.5, 2, 3, 1, -1.0])
@@ -138,3 +138,7 @@ def test_derivatives_are_those_of_keogh_and_pazzani() -> None:
     assert derivatives([np.zeros(3, np.float32)])[0].dtype == np.float32
     with pytest.raises(SignalError, match="series 1 has 2 frames"):
         derivatives([np.zeros(3), np.zeros(2)])
+    masked = np.ma.masked_array(np.arange(4.0), [False, True, False, False])
+    for wrong, code in ((masked, "E_NOT_FINITE"), (3.0, "E_DIMENSIONS"), (["a", "b", "c"], "E_DIMENSIONS")):
+        with pytest.raises(InputError, match=f"{code} series 0"):
+            derivatives([wrong])  # type: ignore[list-item]

@@ -200,3 +200,10 @@ def test_a_first_barycenter_of_one_dimension_may_be_flat() -> None:
     series = [np.sin(np.linspace(0, 3, n)) for n in (9, 12)]
     np.testing.assert_array_equal(dba(series, start=series[0]), dba(series, start=series[0][:, None]))
     assert soft_barycenter(series, start=series[0], iterations=1, kernel="numpy").shape == (9, 1)
+
+
+def test_what_is_masked_is_not_averaged() -> None:
+    series = [np.arange(4.0), np.ma.masked_array(np.arange(4.0), [False, True, False, False])]
+    for average in (dba, soft_barycenter):
+        with pytest.raises(InputError, match="E_NOT_FINITE series 1 has masked values"):
+            average(series)
