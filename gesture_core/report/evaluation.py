@@ -33,7 +33,7 @@ def confusion_plot(evaluation: Evaluation, path: Path) -> Path:
             colour = "white" if shares[row, column] > 0.55 else "black"
             axes.text(column, row, str(count), ha="center", va="center", color=colour, fontsize=font)
     low, high = evaluation.interval
-    axes.set_title(
+    figure.suptitle(
         f"{evaluation.accuracy:.1%} of {len(evaluation.answers)} (95 %: {low:.1%} to {high:.1%})\n"
         f"{evaluation.protocol}, preset {evaluation.settings.preset}",
         fontsize=10,

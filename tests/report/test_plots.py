@@ -1,0 +1,33 @@
+"""Names of files and labels stand in plots as they are, whatever they are made of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture
+def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Families of the text that is drawn, of a machine that has one font for Chinese."""
+    pytest.importorskip("matplotlib")
+    from matplotlib import font_manager
+    from matplotlib.text import Text
+
+    names = font_manager.fontManager.get_font_names()
+    monkeypatch.setattr(font_manager.fontManager, "get_font_names", lambda: [*names, "Noto Sans CJK SC"])
+    families: list[str] = []
+    monkeypatch.setattr(Text, "set_fontfamily", lambda self, family: families.extend(family or ()))
+    return families
+
+
+def test_a_dollar_is_a_dollar_and_other_writings_have_a_font(shown: list[str], tmp_path: Path) -> None:
+    from gesture_core.report.plots import new_figure, save
+
+    figure = new_figure(3, 2)
+    axes = figure.add_subplot()
+    axes.set_xticks([0, 1], ["$_$", "a$^$"])
+    axes.set_title("clip_$1_$2.mp4")
+    figure.suptitle("$\\nothing$")
+    assert save(figure, tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
+    assert set(shown) == {"DejaVu Sans", "Noto Sans CJK SC"}
