@@ -18,9 +18,23 @@ def joint(pose: PoseSequence, name: str) -> np.ndarray:
 
 
 def relative_to_neck(pose: PoseSequence) -> np.ndarray:
-    """(T, 18, 2) float64 coordinates with each frame's neck at the origin."""
+    """(T, 18, 2) float64 coordinates with each frame's neck at the origin.
+
+    Raises
+    ------
+    PoseError
+        E_POSE_SCALE where no frame has a neck.
+    """
     points = pose.keypoints.astype(np.float64)
-    return points - points[:, [COCO18.index("neck")]]
+    neck = points[:, [COCO18.index("neck")]]
+    if np.isnan(neck).all():
+        raise PoseError(
+            "the neck is missing, or seen too seldom, so that the body has no origin",
+            subject=pose.source,
+            remedy="another normalizer (signals.normalizer), or a clip in which the neck is seen",
+            code="E_POSE_SCALE",
+        )
+    return points - neck
 
 
 def mid_hip(pose: PoseSequence) -> np.ndarray:
@@ -61,7 +75,7 @@ def trusted(lengths: np.ndarray, floor: float, what: str, source: str = "", unit
     usable = lengths[np.isfinite(lengths) & (lengths > _TINY * unit)]
     if len(usable) == 0:
         raise PoseError(
-            f"the {what} is missing or zero in every frame, so that the body has no scale",
+            f"the {what} is missing, seen too seldom, or zero, so that the body has no scale",
             subject=source,
             remedy="another normalizer (signals.normalizer), or a clip in which these joints are seen",
             code="E_POSE_SCALE",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gesture_core.errors import GestureError, PluginError, SignalError
+from gesture_core.errors import GestureError, PluginError, PoseError, SignalError
 from gesture_core.plugin import registry
 from gesture_core.plugin.kinds import Filter, Normalizer, Selector
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
@@ -74,8 +74,8 @@ class Chain:
         Raises
         ------
         PoseError
-            E_POSE_SHORT where there are too few frames, E_POSE_SPARSE where a person is seen in too
-            few of them, E_POSE_SCALE where the normalizer finds no scale.
+            E_POSE_SHORT where there are too few frames, E_POSE_SPARSE where a person, or every joint,
+            is seen in too few of them, E_POSE_SCALE where the normalizer finds no scale or origin.
         SignalError
             E_NO_SALIENT where no channel moves enough to be compared.
         PluginError
@@ -123,6 +123,13 @@ class Chain:
         # Frames that the normalizer does not trust are gaps like any other.
         points = np.where(np.isfinite(points).all(axis=2, keepdims=True), points, np.nan)
         points, present = fill_gaps(points, pose.times, self.gaps)
+        if not present.any():
+            raise PoseError(
+                f"no joint has a place in {self.gaps.min_seen:.0%} of the frames",
+                subject=pose.source,
+                remedy="a lower signals.min_seen, another normalizer, or a clip in which joints are seen",
+                code="E_POSE_SPARSE",
+            )
         return Signals(
             points.reshape(len(pose), -1),
             pose.times,

@@ -116,6 +116,23 @@ def test_without_hips_the_shoulders_serve_only_where_that_was_asked_for(normaliz
     assert "right_wrist_y" in signals.selected
 
 
+@pytest.mark.parametrize("normalizer", ["shoulder", "torso", "upright"])
+def test_without_a_neck_the_reason_is_not_that_nothing_moves(normalizer: str) -> None:
+    points = waving()
+    points[:, J["neck"]] = np.nan
+    with pytest.raises(PoseError, match=r"E_POSE_SCALE clip: the .*neck.* is missing, .*seen too seldom"):
+        chain(signals__normalizer=normalizer)(pose(points))
+
+
+def test_a_normalizer_that_leaves_no_joint_leaves_no_signals() -> None:
+    class Seldom:
+        def normalize(self, pose: PoseSequence) -> np.ndarray:
+            return np.where(np.arange(len(pose))[:, None, None] % 3 == 0, pose.keypoints, np.nan)
+
+    with pytest.raises(PoseError, match="E_POSE_SPARSE clip: no joint has a place in 50% of the frames"):
+        replace(chain("modern"), normalizer=Seldom())(pose(waving()))
+
+
 @given(st.floats(-180, 180))
 @settings(max_examples=20, deadline=None)
 def test_upright_undoes_the_roll_of_the_camera(degrees: float) -> None:
