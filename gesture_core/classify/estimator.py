@@ -126,7 +126,7 @@ class GestureClassifier:
         settings = self._resolve()
         check_settings(settings)
         chosen = settings.classify
-        library = ExampleLibrary.of(_through(Chain.from_settings(settings), X), list(y), names)
+        library = ExampleLibrary.of(_through(Chain.from_settings(settings), X, "example"), list(y), names)
         check_alike(library.series, "example")
         if not isinstance(library.series[0], Signals):
             SignalBatch.of(library.series, np.float64, name="example")
@@ -193,7 +193,7 @@ class GestureClassifier:
         chain = self._chain()
         for place, item in enumerate(X):
             try:
-                usable += [(place, series) for series in _through(chain, [item])]
+                usable += [(place, series) for series in _through(chain, [item], "query", place)]
             except GestureError as error:
                 out[place] = Prediction(None, "error", code=error.code, message=error.message)
         out.update(self._decided(usable))
@@ -241,7 +241,7 @@ class GestureClassifier:
 
     def signals(self, X: Sequence[Item]) -> list[Signals | np.ndarray]:
         """``X`` as the chain of the preset sees it; Signals and arrays pass unchanged."""
-        return _through(self._chain(), X)
+        return _through(self._chain(), X, "sequence")
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """The parameters of the constructor (scikit-learn)."""
@@ -332,11 +332,18 @@ class GestureClassifier:
             )
 
 
-def _through(chain: Chain, X: Sequence[Item]) -> list[Signals | np.ndarray]:
-    """``X`` with keypoints made signals."""
+def _through(chain: Chain, X: Sequence[Item], name: str, first: int = 0) -> list[Signals | np.ndarray]:
+    """``X`` with keypoints made signals; an error says of which element, ``name`` and number, it is."""
     if isinstance(X, PoseSequence | Signals):
         raise InputError(f"one {type(X).__name__} instead of a sequence of them", remedy="a list: [it]")
-    return [chain(item) if isinstance(item, PoseSequence) else item for item in X]
+    out: list[Signals | np.ndarray] = []
+    for index, item in enumerate(X, first):
+        try:
+            out.append(chain(item) if isinstance(item, PoseSequence) else item)
+        except GestureError as error:
+            error.about(f"{name} {index}")
+            raise
+    return out
 
 
 def _check_neighbors(wanted: int, examples: int) -> None:

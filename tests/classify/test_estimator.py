@@ -18,7 +18,7 @@ from swings import pose, swing
 
 from gesture_core import GestureClassifier, warping_distances
 from gesture_core.classify.comparison import common_share, compare
-from gesture_core.errors import ConfigError, InputError, PluginError
+from gesture_core.errors import ConfigError, InputError, PluginError, PoseError
 from gesture_core.settings import Settings, load_settings
 from gesture_core.types import Signals
 
@@ -333,6 +333,17 @@ def test_it_works_in_a_pipeline_and_survives_pickling() -> None:
     assert twin["gesture"].settings_.classify.neighbors == 2
     with pytest.raises(NotFittedError):
         check_is_fitted(clone(line["gesture"]))
+
+
+def test_keypoints_without_a_source_are_named_by_their_number() -> None:
+    poses, labels = data()
+    short = pose(swing(frames=2))
+    with pytest.raises(PoseError, match="example 1: is only 2 frames long"):
+        GestureClassifier("paper").fit([poses[0], short], ["a", "b"])
+    model = GestureClassifier("paper").fit(poses, labels)
+    assert model.predictions([*poses, short])[-1].message.startswith("query 9: is only 2 frames long")
+    named = replace(short, source="clip")
+    assert model.predictions([named])[0].message.startswith("clip: is only")
 
 
 def test_one_sequence_is_not_a_list_of_them() -> None:
