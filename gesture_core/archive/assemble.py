@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gesture_core.archive.discovery import Input
+from gesture_core.archive.discovery import FRAMES, PICTURE_SUFFIXES, Input
 from gesture_core.archive.rows import Row
 from gesture_core.archive.work import Outcome
 from gesture_core.types import PoseSequence, Prediction
@@ -21,11 +21,12 @@ PLUGIN_CODES = ("E_PLUGIN", "E_WORKER")
 
 def skipped_row(item: Input, fingerprint: str) -> Row:
     """The row of something that is neither a video nor a keypoint file."""
+    what = FRAMES if item.path.suffix.lower() in PICTURE_SUFFIXES else "another format"
     return Row(
         item.name,
         status="skipped",
         code="E_NOT_AN_INPUT",
-        message=f"{item.name}: {item.fault}; try: another format, or a manifest that leaves it out",
+        message=f"{item.name}: {item.fault}; try: {what}, or a manifest that leaves it out",
         fingerprint=fingerprint,
     )
 

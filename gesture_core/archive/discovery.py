@@ -19,6 +19,9 @@ VIDEO_SUFFIXES = frozenset(
     ".mp4 .m4v .mov .qt .avi .mkv .webm .flv .f4v .wmv .asf .mpg .mpeg .m2v .vob .ts .mts .m2ts "
     ".3gp .3g2 .ogv .ogg .mxf .dv .gif .264 .h264 .265 .h265 .hevc .mjpg .mjpeg .y4m".split()
 )
+PICTURE_SUFFIXES = frozenset(".jpg .jpeg .png .bmp .ppm .tif .tiff .webp".split())
+FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4)"
+"""What to try with a picture."""
 _OWN_FILES = frozenset(
     {journal.FILE_NAME, *(f"{journal.FILE_NAME}{end}" for end in ("-wal", "-shm")), lock.FILE_NAME}
 )

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.archive.deciding import Decider, Deciding
-from gesture_core.archive.discovery import Input, discover
+from gesture_core.archive.discovery import FRAMES, PICTURE_SUFFIXES, Input, discover
 from gesture_core.archive.fingerprint import differences, fingerprint, pose_identity, run_configuration
 from gesture_core.archive.guarded import decider
 from gesture_core.archive.hashing import content_sha256, stamp
@@ -175,10 +175,11 @@ def _examples(request: RunRequest, readers: Readers) -> list[Input]:
         return []
     found = discover(request.examples, avoid=request.out, readers=readers)
     if all(item.kind == "other" for item in found):
+        pictures = any(item.path.suffix.lower() in PICTURE_SUFFIXES for item in found)
         raise InputError(
             "holds no example",
             subject=", ".join(request.examples),
-            remedy="examples/<label>/<clip>",
+            remedy="examples/<label>/<clip>" + (f", or for a picture {FRAMES}" if pictures else ""),
             code="E_EMPTY",
         )
     labelled = label_inputs(found, request.labels, request.examples)

@@ -68,6 +68,16 @@ def test_the_remedy_is_said_once_where_no_example_can_be_used(folder: Path) -> N
     assert str(caught.value).count("try: ") == 1
 
 
+def test_frames_as_pictures_are_told_to_become_videos(folder: Path) -> None:
+    (folder / "videos" / "0001.JPG").touch()
+    (row,) = [row for row in run(folder).rows() if row.status == "skipped"]
+    assert "try: a video of the frames, if it is one of them (ffmpeg -framerate 25 -i" in row.message
+    for file in (folder / "examples").glob("*/*.npz"):
+        file.rename(file.with_suffix(".png"))
+    with pytest.raises(InputError, match=r"holds no example; try: .*a video of the frames"):
+        run(folder, "other")
+
+
 def test_a_stranger_counts_as_no_neighbour(folder: Path) -> None:
     (folder / "examples" / "right" / "2.rmvb").touch()
     done = gesture(
