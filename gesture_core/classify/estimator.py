@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from inspect import signature
 from numbers import Integral, Real
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from gesture_core.classify.comparison import check_alike, check_settings, compare, is_still
 from gesture_core.classify.decide import decide
+from gesture_core.classify.habits import ClassifierHabits
 from gesture_core.classify.labels import warn_of_contradictions
 from gesture_core.classify.library import ExampleLibrary, medoids
 from gesture_core.classify.neighbors import Votes, k_nearest, votes_of
@@ -30,7 +30,7 @@ _MOST_ROWS, _SECONDS = 256, 2.0
 Item = PoseSequence | Signals | np.ndarray
 
 
-class GestureClassifier:
+class GestureClassifier(ClassifierHabits):
     """Nearest examples by warping distance (Schneider et al. 2019, and what came after it).
 
     Parameters
@@ -80,8 +80,6 @@ class GestureClassifier:
     >>> GestureClassifier(kernel="numpy").fit([up, down], ["up", "down"]).predict([up[::2]]).tolist()
     ['up']
     """
-
-    _estimator_type = "classifier"
 
     def __init__(
         self,
@@ -243,35 +241,10 @@ class GestureClassifier:
         """``X`` as the chain of the preset sees it; Signals and arrays pass unchanged."""
         return _through(self._chain(), X, "sequence")
 
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """The parameters of the constructor (scikit-learn)."""
-        return {name: getattr(self, name) for name in signature(type(self)).parameters}
-
-    def set_params(self, **params: Any) -> GestureClassifier:
-        """Change parameters of the constructor (scikit-learn)."""
-        for name, value in params.items():
-            if name not in self.get_params():
-                raise ConfigError(f"GestureClassifier has no parameter {name!r}", code="E_OPTION")
-            setattr(self, name, value)
-        return self
-
-    def __sklearn_tags__(self) -> Any:
-        """Tags that scikit-learn asks for; only it calls this, so it is installed."""
-        from sklearn.utils import ClassifierTags, InputTags, Tags, TargetTags
-
-        return Tags(
-            estimator_type="classifier",
-            target_tags=TargetTags(required=True),
-            classifier_tags=ClassifierTags(),
-            input_tags=InputTags(two_d_array=False, three_d_array=True, allow_nan=True),
-        )
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "library_")
-
     def __repr__(self) -> str:
         preset = self.preset.preset if isinstance(self.preset, Settings) else self.preset
-        return f"GestureClassifier(preset={preset!r}, kernel={self.kernel!r}, n_neighbors={self.n_neighbors})"
+        params = self.get_params() | {"preset": preset}
+        return f"GestureClassifier({', '.join(f'{name}={value!r}' for name, value in params.items())})"
 
     def _settings(self) -> Settings:
         return self.settings_ if hasattr(self, "settings_") else self._resolve()

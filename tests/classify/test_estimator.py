@@ -76,6 +76,9 @@ def test_scikit_learn_takes_it_for_a_classifier() -> None:
     assert twin is not model
     assert twin.get_params() == model.get_params()
     assert is_classifier(model)
+    assert repr(model) == (
+        "GestureClassifier(preset='paper', kernel='auto', n_neighbors=3, reject=5.0, rejected_label=None)"
+    )
     scores = cross_val_score(GestureClassifier("paper"), poses, labels, cv=3)
     assert scores.tolist() == [1, 1, 1]
     search = GridSearchCV(GestureClassifier("paper"), {"n_neighbors": [1, 2]}, cv=3).fit(poses, labels)
