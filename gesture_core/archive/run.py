@@ -28,7 +28,7 @@ class RunRequest:
     examples : tuple of str
         Sources of the examples; empty to extract keypoints only.
     labels : str
-        How examples get their labels, see `discovery.label_inputs`.
+        How examples get their labels, see `labels.label_inputs`.
     workers : int
         Worker processes; 0 for one for each core.
     engine : str

@@ -17,7 +17,7 @@ from gesture_core.errors import ConfigError, GestureError, InputError, ModelErro
 
 EXIT_FATAL, EXIT_USAGE, EXIT_LOCKED, EXIT_PIPE = 1, 2, 11, 141
 _USAGE = frozenset(
-    "E_NOT_FOUND E_EMPTY E_EXISTS E_OPTION E_PLUGIN_UNKNOWN E_MANIFEST "
+    "E_NOT_FOUND E_EMPTY E_EXISTS E_OPTION E_PLUGIN_UNKNOWN E_MANIFEST E_CONTRADICTION "
     "E_MODEL_UNKNOWN E_MODEL_EXISTS E_MODEL_NAME".split()
 )
 """Codes of errors that another command line would not have met."""

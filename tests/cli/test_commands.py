@@ -262,3 +262,12 @@ def test_extracted_keypoints_can_be_classified(drawn: DemoArchive, tmp_path: Pat
     direct = gesture("classify", drawn.video_keypoints, *options(drawn, tmp_path / "direct"))
     labels = [[json.loads(line)["label"] for line in d.stdout.splitlines()] for d in (from_files, direct)]
     assert labels[0] == labels[1] and len(labels[0]) == 12
+
+
+def test_a_table_that_contradicts_itself_is_a_mistake_on_the_command_line(
+    drawn: DemoArchive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "labels.csv").write_text("path,label\nclip,a\nclip,b\n")
+    arguments = ["classify", str(drawn.video_keypoints), *options(drawn, tmp_path / "run")]
+    assert main.run([*arguments, "--labels", str(tmp_path / "labels.csv")]) == 2
+    assert "clip: is listed as a and as b; try: one line for it in" in capsys.readouterr().err
