@@ -97,6 +97,9 @@ class SignalSettings:
 class ClassifySettings:
     """The decision.
 
+    Soft distances (`dtw.gamma`) may be negative, and take none of ``neighbors = 0``, `mirror`, `coverage`
+    and `relative`.
+
     Attributes
     ----------
     kernel : str
