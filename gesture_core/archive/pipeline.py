@@ -80,6 +80,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             dict(run.assumed),
             dict(sorted(classes.items())),
             sum(sha256 in known for sha256 in journal.done().values()),
+            plan.gone,
         )
 
 

@@ -56,6 +56,8 @@ class Plan:
         Where an extraction leaves its keypoints.
     announced : frozenset of str
         Labels that the folders of the examples stand for, whatever is in them.
+    gone : int
+        Inputs of earlier runs whose rows were removed, as they are not there any more.
     """
 
     settings: Settings
@@ -69,6 +71,7 @@ class Plan:
     deciding: Deciding | None
     files: KeypointFiles | None
     announced: frozenset[str] = frozenset()
+    gone: int = 0
 
     @property
     def kernel(self) -> str:
@@ -140,7 +143,8 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
     if changed or request.overwrite:
         journal.clear()
     journal.set({"configuration": configuration, "fingerprint": fingerprint(configuration)})
-    journal.forget(_gone(journal, inputs))
+    gone = _gone(journal, inputs)
+    journal.forget(gone)
     if files:
         files.sweep()
     return Plan(
@@ -155,6 +159,7 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
         deciding,
         files,
         frozenset(label_folders(request.examples, request.out) if request.labels == "folder" else ()),
+        len(gone),
     )
 
 

@@ -96,6 +96,8 @@ class RunSummary:
         Number of examples that can be used, by label.
     inputs_among_examples : int
         Inputs whose content is that of an example: they find themselves.
+    gone : int
+        Inputs of earlier runs that are not there any more; their rows were removed.
     """
 
     out: Path
@@ -110,6 +112,7 @@ class RunSummary:
     assumed: Mapping[str, int] = field(default_factory=dict)
     classes: Mapping[str, int] = field(default_factory=dict)
     inputs_among_examples: int = 0
+    gone: int = 0
 
     @property
     def exit_code(self) -> int:

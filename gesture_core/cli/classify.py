@@ -88,6 +88,7 @@ def say_summary(summary: RunSummary) -> None:
         lost_classes=list(summary.lost_classes),
         classes=dict(summary.classes),
         inputs_among_examples=summary.inputs_among_examples,
+        gone=summary.gone,
         assumed=dict(summary.assumed),
         database=str(summary.out / "run.db"),
         fingerprint=summary.fingerprint,
@@ -109,6 +110,11 @@ def _say_to_people(summary: RunSummary) -> None:
     else:
         again = "; --retry-errors tries errors again" if summary.counts.get("error") else ""
         print(f"nothing to do: all rows ({counts}) are in {database}{again}", file=sys.stderr)
+    if summary.gone:
+        print(
+            f"gone since the last run, and the rows with them: {counted(summary.gone, 'input')}",
+            file=sys.stderr,
+        )
     say_assumed(summary.assumed)
     if summary.done_now and summary.failed_examples:
         left_out = counted(len(summary.failed_examples), "example")

@@ -37,6 +37,13 @@ def test_what_a_run_leaves_is_neither_an_input_nor_an_example(folder: Path) -> N
     assert (summary.failed_examples, summary.lost_classes, summary.exit_code) == ((), (), 0)
 
 
+def test_rows_that_go_with_their_inputs_are_counted(folder: Path) -> None:
+    write_clip(folder / "videos" / "other.npz", 30, 7, seed=2)
+    assert run(folder, "run").gone == 0
+    (folder / "videos" / "other.npz").unlink()
+    assert [run(folder, "run").gone for _ in range(2)] == [1, 0]
+
+
 @pytest.mark.parametrize("out", ["videos", "examples", "videos/../videos"])
 def test_a_run_folder_is_not_the_folder_of_the_clips(folder: Path, out: str) -> None:
     with pytest.raises(ConfigError, match=r"E_OUT .*holds the inputs or examples; try: a folder of its own"):
