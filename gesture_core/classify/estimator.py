@@ -70,7 +70,7 @@ class GestureClassifier(ClassifierHabits):
     Notes
     -----
     ``X`` is a sequence of `PoseSequence`, of `Signals`, or of (T, D) arrays, which are compared
-    as they are. All elements have the same channels, and are all arrays or none is.
+    as they are, in float64. All elements have the same channels, and are all arrays or none is.
 
     Examples
     --------
@@ -128,6 +128,8 @@ class GestureClassifier(ClassifierHabits):
         check_alike(library.series, "example")
         if not isinstance(library.series[0], Signals):
             SignalBatch.of(library.series, np.float64, name="example")
+            # One precision whatever a query has, so that no row depends on the others of its batch.
+            library = replace(library, series=tuple(np.array(item, np.float64) for item in library.series))
         if chosen.kernel != "auto":
             registry().find("kernel", chosen.kernel)
         codes, count = library.codes, len(library.classes)

@@ -114,6 +114,16 @@ def test_arrays_are_compared_as_they_are_and_labels_keep_their_type() -> None:
     assert model.predictions(series)[1].label == "20"
 
 
+def test_arrays_are_copied_and_a_row_depends_on_no_other_ones_precision() -> None:
+    series = [np.random.default_rng(n).normal(size=(n, 2)).astype(np.float32) for n in (5, 6, 7)]
+    model = GestureClassifier("paper", "numpy").fit(series, ["a", "b", "c"])
+    query = series[0] + np.float32(0.1)
+    (alone,) = model.predictions([query])
+    assert model.predictions([query, series[1].astype(float)])[0] == alone
+    series[0][:] = 99
+    assert model.predictions([query]) == [alone]
+
+
 def test_a_bad_query_gets_its_own_row_and_predict_names_it() -> None:
     poses, labels = data()
     still = pose(swing("right_wrist", 1, 0.0, 30, 0))
