@@ -70,17 +70,17 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         return RunSummary(
             request.out,
             journal.counts(),
-            len(plan.waiting),
-            failed,
-            time.monotonic() - started,
-            run.frames,
-            plan.kernel,
-            plan.fingerprint,
-            tuple(sorted(lost)),
-            dict(run.assumed),
-            dict(sorted(classes.items())),
-            sum(sha256 in known for sha256 in journal.done().values()),
-            plan.gone,
+            done_now=len(plan.waiting),
+            failed_examples=failed,
+            elapsed=time.monotonic() - started,
+            frames=run.frames,
+            kernel=plan.kernel,
+            fingerprint=plan.fingerprint,
+            lost_classes=tuple(sorted(lost)),
+            assumed=dict(run.assumed),
+            classes=dict(sorted(classes.items())),
+            inputs_among_examples=sum(sha256 in known for sha256 in journal.done().values()),
+            gone=plan.gone,
         )
 
 

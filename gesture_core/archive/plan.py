@@ -148,18 +148,20 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
     if files:
         files.sweep()
     return Plan(
-        settings,
-        inputs,
-        examples,
-        waiting,
-        stamps,
-        hashes,
-        identity,
-        configuration,
-        deciding,
-        files,
-        frozenset(label_folders(request.examples, request.out) if request.labels == "folder" else ()),
-        len(gone),
+        settings=settings,
+        inputs=inputs,
+        examples=examples,
+        waiting=waiting,
+        stamps=stamps,
+        hashes=hashes,
+        identity=identity,
+        configuration=configuration,
+        deciding=deciding,
+        files=files,
+        announced=frozenset(
+            label_folders(request.examples, request.out) if request.labels == "folder" else ()
+        ),
+        gone=len(gone),
     )
 
 
