@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gesture_core.archive import journal, lock
-from gesture_core.archive.labels import printable, read_manifest
+from gesture_core.archive.manifests import printable, read_manifest
 from gesture_core.archive.readers import Readers
 from gesture_core.archive.sandbox import Sandbox
 from gesture_core.errors import GestureError, InputError

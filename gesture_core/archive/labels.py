@@ -1,8 +1,7 @@
-"""Lists of inputs, and the labels of examples: from folders, tables, or regular expressions."""
+"""The labels of examples: from folders, tables, or regular expressions."""
 
 from __future__ import annotations
 
-import csv
 import difflib
 import os
 import re
@@ -14,67 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gesture_core.archive.journal import FILE_NAME
+from gesture_core.archive.manifests import lacking, printable, read_manifest
 from gesture_core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     from gesture_core.archive.discovery import Input
-
-_PATH_COLUMNS = ("path", "input", "file", "video")
-
-
-def printable(text: str) -> str:
-    """``text`` with bytes that are no UTF-8 written as ``\\xNN``, fit for SQLite and JSON."""
-    return os.fsencode(text).decode("utf-8", "backslashreplace") if os.name == "posix" else text
-
-
-def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
-    """Paths and labels listed in ``path``; None where it is no manifest.
-
-    A text manifest (``.txt``) has one path a line, a CSV manifest a column ``path`` and perhaps
-    ``label``. Relative paths start at the manifest's folder; lines that begin with ``#`` are comments.
-
-    Raises
-    ------
-    InputError
-        Where it looks like one and cannot be read.
-    """
-    suffix = path.suffix.lower()
-    if suffix not in (".txt", ".csv"):
-        return None
-    try:
-        with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
-            if suffix == ".txt":
-                lines = [line.rstrip("\r\n") for line in file]
-                entries = [line for line in lines if line.strip() and not line.startswith("#")]
-                return [(path.parent / entry, None) for entry in entries]
-            mark, columns = _header(file.readline())
-            place = _path_column(columns)
-            if place is None:
-                return None
-            label = columns.index("label") if "label" in columns else len(columns)
-            return [
-                (path.parent / cells[place], (cells[label].strip() if label < len(cells) else "") or None)
-                for cells in csv.reader(file, delimiter=mark)
-                if place < len(cells) and cells[place]
-            ]
-    except (OSError, csv.Error) as error:
-        raise InputError(
-            f"not a manifest: {error}", subject=printable(os.fspath(path)), code="E_MANIFEST"
-        ) from None
-
-
-def _header(line: str) -> tuple[str, list[str]]:
-    """The separator of a table (spreadsheets write others than commas) and the names of its columns."""
-    found = {
-        mark: [name.strip().casefold() for name in next(csv.reader([line], delimiter=mark), [])]
-        for mark in ",;\t"
-    }
-    mark = next((mark for mark in found if _path_column(found[mark]) is not None), ",")
-    return mark, found[mark]
-
-
-def _path_column(columns: Sequence[str]) -> int | None:
-    return next((columns.index(name) for name in _PATH_COLUMNS if name in columns), None)
 
 
 class _Table:
@@ -85,7 +28,7 @@ class _Table:
         entries = read_manifest(path) if path.is_file() else None
         if entries is None or not any(label for _, label in entries):
             raise ConfigError(
-                _lacking(path) if path.is_file() else "no such file",
+                lacking(path) if path.is_file() else "no such file",
                 subject=str(path),
                 remedy="its first line: path,label" if path.is_file() else "check the path",
                 code="E_LABELS",
@@ -114,19 +57,6 @@ class _Table:
         near = difflib.get_close_matches(name, self._labels, 1, 0.8)
         shown = os.path.relpath(near[0], self._folder.resolve()) if near else ""
         return "it has no line for it" + (f", {printable(shown)!r} is near" if near else "")
-
-
-def _lacking(path: Path) -> str:
-    """What keeps a table from having labels."""
-    with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
-        line = file.readline()
-    _, columns = _header(line)
-    if not line.strip():
-        return "is empty"
-    if "label" in columns and _path_column(columns) is not None:
-        return "has no label in any line"
-    missing = "path" if _path_column(columns) is None else "label"
-    return f"has no column {missing!r}, but {printable(', '.join(columns))[:200]}"
 
 
 def _spelling(path: Path) -> str:

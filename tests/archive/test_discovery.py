@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from gesture_core.archive.discovery import discover
-from gesture_core.archive.labels import label_inputs, printable
+from gesture_core.archive.labels import label_inputs
+from gesture_core.archive.manifests import printable
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, InputError
 

@@ -1,0 +1,80 @@
+"""Lists of inputs: text with a path a line, tables with a column ``path`` and perhaps ``label``."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from gesture_core.errors import InputError
+
+_PATH_COLUMNS = ("path", "input", "file", "video")
+
+
+def printable(text: str) -> str:
+    """``text`` with bytes that are no UTF-8 written as ``\\xNN``, fit for SQLite and JSON."""
+    return os.fsencode(text).decode("utf-8", "backslashreplace") if os.name == "posix" else text
+
+
+def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
+    """Paths and labels listed in ``path``; None where it is no manifest.
+
+    A text manifest (``.txt``) has one path a line, a CSV manifest a column ``path`` and perhaps
+    ``label``. Relative paths start at the manifest's folder; lines that begin with ``#`` are comments.
+
+    Raises
+    ------
+    InputError
+        Where it looks like one and cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".txt", ".csv"):
+        return None
+    try:
+        with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+            if suffix == ".txt":
+                lines = [line.rstrip("\r\n") for line in file]
+                entries = [line for line in lines if line.strip() and not line.startswith("#")]
+                return [(path.parent / entry, None) for entry in entries]
+            mark, columns = _header(file.readline())
+            place = _path_column(columns)
+            if place is None:
+                return None
+            label = columns.index("label") if "label" in columns else len(columns)
+            return [
+                (path.parent / cells[place], (cells[label].strip() if label < len(cells) else "") or None)
+                for cells in csv.reader(file, delimiter=mark)
+                if place < len(cells) and cells[place]
+            ]
+    except (OSError, csv.Error) as error:
+        raise InputError(
+            f"not a manifest: {error}", subject=printable(os.fspath(path)), code="E_MANIFEST"
+        ) from None
+
+
+def _header(line: str) -> tuple[str, list[str]]:
+    """The separator of a table (spreadsheets write others than commas) and the names of its columns."""
+    found = {
+        mark: [name.strip().casefold() for name in next(csv.reader([line], delimiter=mark), [])]
+        for mark in ",;\t"
+    }
+    mark = next((mark for mark in found if _path_column(found[mark]) is not None), ",")
+    return mark, found[mark]
+
+
+def _path_column(columns: Sequence[str]) -> int | None:
+    return next((columns.index(name) for name in _PATH_COLUMNS if name in columns), None)
+
+
+def lacking(path: Path) -> str:
+    """What keeps a table from having labels."""
+    with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+        line = file.readline()
+    _, columns = _header(line)
+    if not line.strip():
+        return "is empty"
+    if "label" in columns and _path_column(columns) is not None:
+        return "has no label in any line"
+    missing = "path" if _path_column(columns) is None else "label"
+    return f"has no column {missing!r}, but {printable(', '.join(columns))[:200]}"
