@@ -55,7 +55,15 @@ def separate_distances(
     -------
     (Q, N) float64
         Infinity where a pair has no channel in common; a part that one of the two lacks adds nothing.
+
+    Raises
+    ------
+    ConfigError
+        Where ``spec`` has weights for another number of channels.
     """
+    from gesture_core.dtw.distances import check_weights
+
+    check_weights(spec, len(queries[0].channels))
     total = np.zeros((len(queries), len(examples)))
     found = np.zeros(total.shape, bool)
     for part in parts(queries[0].channels):

@@ -92,15 +92,22 @@ def make_batches(queries: Series, examples: Series, spec: DtwSpec) -> tuple[Sign
     width, other = query_batch.values.shape[2], example_batch.values.shape[2]
     if width != other:
         raise InputError(f"queries have {width} dimensions, examples {other}", code="E_DIMENSIONS")
-    if spec.weights is not None and len(spec.weights) != width:
-        raise ConfigError(
-            f"{len(spec.weights)} weights for series of {width} dimensions", code="E_OPTION"
-        )  # fmt: skip
+    check_weights(spec, width)
     # Signals are in body lengths: what is that small there is what rounding left of a part that keeps still.
     bare = not all(isinstance(item, Signals) for item in (*queries, *examples))
     _check_magnitudes(query_batch, example_batch, spec, smallest=bare)
     check_feasible(query_batch.lengths, example_batch.lengths, spec)
     return query_batch, example_batch
+
+
+def check_weights(spec: DtwSpec, width: int) -> None:
+    """A ConfigError where ``spec`` weighs another number of dimensions than ``width``."""
+    if spec.weights is not None and len(spec.weights) != width:
+        raise ConfigError(
+            f"{len(spec.weights)} weights for series of {width} dimensions",
+            remedy=f"dtw.weights with {width} numbers, or none",
+            code="E_OPTION",
+        )
 
 
 def _check_magnitudes(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec, *, smallest: bool) -> None:

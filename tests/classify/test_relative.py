@@ -143,6 +143,15 @@ def test_soft_distances_may_be_negative_and_take_no_factor(factor: dict[str, obj
         compare(some(1, 1), some(1, 1), settings)
 
 
+@pytest.mark.parametrize("separate", [False, True])
+@pytest.mark.parametrize("count", [2, 5])
+def test_weights_are_as_many_as_channels(separate: bool, count: int) -> None:
+    settings = under(separate=separate)
+    settings = replace(settings, dtw=settings.dtw.replace(weights=(1.0,) * count))
+    with pytest.raises(ConfigError, match=f"{count} weights for series of 4 dimensions"):
+        compare(some(1, 1), some(2, 1), settings)
+
+
 @pytest.mark.parametrize("text", ["classify.relative=2", "classify.rest=-1", "classify.separate=maybe"])
 def test_wrong_values_are_refused(text: str) -> None:
     with pytest.raises(ConfigError, match=r"classify\."):
