@@ -230,9 +230,14 @@ class GestureClassifier(ClassifierHabits):
         near = k_nearest(self.distances(X), max(1, self.n_neighbors_) if n_neighbors is None else n_neighbors)
         return near.distances, self.example_indices_[near.indices]
 
-    def score(self, X: Sequence[Item], y: Sequence[object]) -> float:
-        """Share of queries whose label is right; a rejected query is not."""
-        return float(np.mean([a == b for a, b in zip(self.predict(X), y, strict=True)]))
+    def score(
+        self, X: Sequence[Item], y: Sequence[object], sample_weight: Sequence[float] | None = None
+    ) -> float:
+        """Share of queries, weighted where that is asked for, whose label is right; a rejected one's is not."""
+        if len(X) == 0 or len(X) != len(y):
+            raise InputError(f"{len(X)} queries and {len(y)} labels to score", code="E_EXAMPLES")
+        right = [a == b for a, b in zip(self.predict(X), y, strict=True)]
+        return float(np.average(right, weights=sample_weight))
 
     def distances(self, X: Sequence[Item]) -> np.ndarray:
         """(Q, N) warping distances to the examples of `library_`."""

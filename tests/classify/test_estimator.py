@@ -45,6 +45,9 @@ def test_fit_predict_score(preset: str) -> None:
     assert model.classes_.tolist() == sorted(GESTURES)
     assert model.predict(queries).tolist() == truth
     assert model.score(queries, truth) == 1.0
+    assert model.score(queries[:2], [truth[0], "?"], sample_weight=[3, 1]) == 0.75
+    with pytest.raises(InputError, match="0 queries and 0 labels"):
+        model.score([], [])
 
 
 def test_kneighbors_index_into_what_was_given_to_fit() -> None:
