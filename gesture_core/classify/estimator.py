@@ -233,7 +233,7 @@ class GestureClassifier(ClassifierHabits):
     def score(
         self, X: Sequence[Item], y: Sequence[object], sample_weight: Sequence[float] | None = None
     ) -> float:
-        """Share of queries, weighted where that is asked for, whose label is right; a rejected one's is not."""
+        """Share of queries, weighted where asked for, whose label is right; a rejected one's is not."""
         if len(X) == 0 or len(X) != len(y):
             raise InputError(f"{len(X)} queries and {len(y)} labels to score", code="E_EXAMPLES")
         right = [a == b for a, b in zip(self.predict(X), y, strict=True)]
