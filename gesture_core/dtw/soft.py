@@ -12,7 +12,7 @@ from gesture_core.dtw.distances import check_distances, choose_kernel, make_batc
 from gesture_core.dtw.lanes import used_dimensions
 from gesture_core.dtw.pairs import pair_distances
 from gesture_core.dtw.spec import DtwSpec, as_spec
-from gesture_core.errors import ConfigError
+from gesture_core.errors import ConfigError, InputError
 from gesture_core.plugin.kinds import DistanceKernel
 from gesture_core.types import SignalBatch, Signals
 
@@ -53,14 +53,20 @@ def soft_gradients(
     ------
     ConfigError
         Where ``spec`` has no ``gamma``.
+    InputError
+        Where ``weights`` have another shape, or are not finite.
     """
     _need_gamma(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
     name, chosen = _choose(kernel, spec)
-    if weights is None:
-        weights = np.ones((len(query_batch), len(example_batch)))
+    shape = (len(query_batch), len(example_batch))
+    shares = np.ones(shape) if weights is None else np.asarray(weights, np.float64)
+    if shares.shape != shape or not np.isfinite(shares).all():
+        raise InputError(
+            f"weights of shape {shares.shape}, expected {shape} finite numbers", code="E_DIMENSIONS"
+        )
     state = chosen.prepare(example_batch, spec)
-    values, of_queries, of_examples = chosen.gradients(state, query_batch, np.asarray(weights, np.float64))
+    values, of_queries, of_examples = chosen.gradients(state, query_batch, shares)
     check_distances(values, query_batch, example_batch, name)
     return SoftGradients(values, _split(of_queries, query_batch), _split(of_examples, example_batch))
 

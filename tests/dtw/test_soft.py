@@ -202,6 +202,12 @@ def test_a_first_barycenter_of_one_dimension_may_be_flat() -> None:
     assert soft_barycenter(series, start=series[0], iterations=1, kernel="numpy").shape == (9, 1)
 
 
+@pytest.mark.parametrize("weights", [np.ones(5), np.ones((1, 5)), np.full((5, 5), np.nan)])
+def test_weights_that_fit_no_pairs_are_refused(weights: np.ndarray) -> None:
+    with pytest.raises(InputError, match=r"expected \(5, 5\) finite numbers"):
+        soft_gradients(bumps(), bumps(), SOFT, weights, "numpy")
+
+
 def test_what_is_masked_is_not_averaged() -> None:
     series = [np.arange(4.0), np.ma.masked_array(np.arange(4.0), [False, True, False, False])]
     for average in (dba, soft_barycenter):
