@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import glob
 import os
 from collections.abc import Iterator, Sequence
@@ -131,7 +132,7 @@ class _Walk:
         """Inputs of something that the user named: a path, a glob or a manifest."""
         if path.is_file() and (entries := read_manifest(path)) is not None:
             for entry, label in entries:
-                if not entry.exists():
+                if not _exists(entry):
                     raise _not_found(
                         entry, f"in {printable(os.fspath(path))}, which is read as a list of paths"
                     )
@@ -223,6 +224,15 @@ class _Walk:
         for member in members:
             shown = f"{name}::{printable(member)}" if member else name
             yield Input(path, shown, "keypoints", member, reader)
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        return False
 
 
 def _not_found(path: Path, where: str = "") -> InputError:

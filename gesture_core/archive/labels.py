@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gesture_core.archive.journal import FILE_NAME
-from gesture_core.archive.manifests import lacking, printable, read_manifest
+from gesture_core.archive.manifests import NO_TEXT, SAVE_AS_TEXT, lacking, printable, read_manifest
 from gesture_core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
@@ -27,12 +27,10 @@ class _Table:
         self._folder = path.parent
         entries = read_manifest(path) if path.is_file() else None
         if entries is None or not any(label for _, label in entries):
-            raise ConfigError(
-                lacking(path) if path.is_file() else "no such file",
-                subject=str(path),
-                remedy="its first line: path,label" if path.is_file() else "check the path",
-                code="E_LABELS",
-            )
+            cause = lacking(path) if path.is_file() else "no such file"
+            remedy = "its first line: path,label" if path.is_file() else "check the path"
+            remedy = SAVE_AS_TEXT if cause == NO_TEXT else remedy
+            raise ConfigError(cause, subject=str(path), remedy=remedy, code="E_LABELS")
         self._labels: dict[str, str | None] = {}
         for entry, label in entries:
             spelled = _spelling(entry.resolve())

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from gesture_core.errors import InputError
 
+NO_TEXT, SAVE_AS_TEXT = "is not text in UTF-8", "saving it as UTF-8"
 _PATH_COLUMNS = ("path", "input", "file", "video")
 
 
@@ -34,7 +35,7 @@ def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
     try:
         with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
             if suffix == ".txt":
-                lines = [line.rstrip("\r\n") for line in file]
+                lines = [line.rstrip("\r\n") for line in _text(file)]
                 entries = [line for line in lines if line.strip() and not line.startswith("#")]
                 return [(path.parent / entry, None) for entry in entries]
             mark, columns = _header(file.readline())
@@ -44,13 +45,25 @@ def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
             label = columns.index("label") if "label" in columns else len(columns)
             return [
                 (path.parent / cells[place], (cells[label].strip() if label < len(cells) else "") or None)
-                for cells in csv.reader(file, delimiter=mark)
+                for cells in csv.reader(_text(file), delimiter=mark)
                 if place < len(cells) and cells[place]
             ]
+    except UnicodeError:
+        raise InputError(
+            NO_TEXT, subject=printable(os.fspath(path)), remedy=SAVE_AS_TEXT, code="E_MANIFEST"
+        ) from None
     except (OSError, csv.Error) as error:
         raise InputError(
             f"not a manifest: {error}", subject=printable(os.fspath(path)), code="E_MANIFEST"
         ) from None
+
+
+def _text(lines: Iterable[str]) -> Iterator[str]:
+    """The lines; a UnicodeError where they are UTF-16, as spreadsheets offer to write."""
+    for line in lines:
+        if "\0" in line:
+            raise UnicodeError
+        yield line
 
 
 def _header(line: str) -> tuple[str, list[str]]:
@@ -74,6 +87,8 @@ def lacking(path: Path) -> str:
     _, columns = _header(line)
     if not line.strip():
         return "is empty"
+    if "\0" in line:
+        return NO_TEXT
     if "label" in columns and _path_column(columns) is not None:
         return "has no label in any line"
     missing = "path" if _path_column(columns) is None else "label"

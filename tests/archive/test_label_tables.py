@@ -59,6 +59,21 @@ def test_what_a_table_lacks_is_said(clips: list[Input], tmp_path: Path, text: st
     assert caught.value.code == "E_LABELS"
 
 
+def test_other_encodings_and_endless_names_are_mistakes(clips: list[Input], tmp_path: Path) -> None:
+    table = tmp_path / "labels.csv"
+    text = "path,label\nclap/1.avi,no\n"
+    table.write_bytes(text.encode("utf-16"))
+    with pytest.raises(ConfigError, match=r"is not text in UTF-8; try: saving it as UTF-8"):
+        label_inputs(clips, str(table), [tmp_path])
+    for name, data in (("a.csv", text.encode() + b"clap\0/2.avi,no\n"), ("a.txt", "clap".encode("utf-16"))):
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(InputError, match=r"E_MANIFEST .*is not text in UTF-8; try: saving it as UTF-8"):
+            discover([tmp_path / name])
+    (tmp_path / "a.csv").write_text(f"{text}{'x' * 300},no\n")
+    with pytest.raises(InputError, match=r"E_NOT_FOUND .*no such file"):
+        discover([tmp_path / "a.csv"])
+
+
 def test_two_labels_for_one_clip_are_refused(clips: list[Input], tmp_path: Path) -> None:
     twice = "path,label\nclap/1.avi,no\nwave/bén 2.avi,yes\n./clap/1.avi,{}\n"
     assert labels(clips, tmp_path / "labels.csv", twice.format("no")) == ["no", "yes"]
