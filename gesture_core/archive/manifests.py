@@ -44,7 +44,7 @@ def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
                 return None
             label = columns.index("label") if "label" in columns else len(columns)
             return [
-                (path.parent / cells[place], (cells[label].strip() if label < len(cells) else "") or None)
+                (path.parent / cells[place], _label(cells[label] if label < len(cells) else ""))
                 for cells in csv.reader(_text(file), delimiter=mark)
                 if place < len(cells) and cells[place]
             ]
@@ -64,6 +64,12 @@ def _text(lines: Iterable[str]) -> Iterator[str]:
         if "\0" in line:
             raise UnicodeError
         yield line
+
+
+def _label(cell: str) -> str | None:
+    """A label; a UnicodeError where it is in another encoding, in which a name of a file may well be."""
+    cell.encode("utf-8")
+    return cell.strip() or None
 
 
 def _header(line: str) -> tuple[str, list[str]]:

@@ -203,6 +203,8 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
 
     near, far = found.nearest, found.runner_up
     print(f"{visible(row.input)}: {row.label or '-'} ({row.status}{' ' + row.code if row.code else ''})")
+    if row.label not in (None, near.label):
+        print(f"  the run said {visible(row.label)}, and this version would say {visible(near.label)}")
     for which, side in (("answer", near), ("runner-up", far)):
         if side is not None:
             mirror = ", mirrored" if side.mirrored else ""

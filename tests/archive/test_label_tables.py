@@ -69,6 +69,9 @@ def test_other_encodings_and_endless_names_are_mistakes(clips: list[Input], tmp_
         (tmp_path / name).write_bytes(data)
         with pytest.raises(InputError, match=r"E_MANIFEST .*is not text in UTF-8; try: saving it as UTF-8"):
             discover([tmp_path / name])
+    (tmp_path / "a.csv").write_bytes(text.replace("no", "grüßen").encode("cp1252"))
+    with pytest.raises(InputError, match=r"E_MANIFEST .*is not text in UTF-8"):
+        discover([tmp_path / "a.csv"])
     (tmp_path / "a.csv").write_text(f"{text}{'x' * 300},no\n")
     with pytest.raises(InputError, match=r"E_NOT_FOUND .*no such file"):
         discover([tmp_path / "a.csv"])

@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import shutil
+import sqlite3
 import sys
 from pathlib import Path
 
@@ -202,6 +203,19 @@ def test_tests_that_must_fail_are_counted(archive: Path, capsys: pytest.CaptureF
     assert "6 of 9 right" in said.out
 
 
+def test_copies_are_said(archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "archive"
+    shutil.copytree(archive, folder)
+    shutil.copy(folder / "up" / "up_A.npy", folder / "up" / "up_F.npy")
+    shutil.copy(folder / "up" / "up_B.npy", folder / "side" / "side_F.npy")
+    arguments = ["--protocol", "leave-one-out", "--preset", "paper", "--set", "t_var=0.02"]
+    assert run(["evaluate", str(folder), *arguments]) == 0
+    said = capsys.readouterr().err
+    assert "4 inputs share their content with others: what is tested has been seen" in said
+    assert "side/side_F.npy is called side, and " in said and "up_B.npy, with the same content, up" in said
+    assert "up_F.npy is called" not in said
+
+
 def test_explain_says_why(
     archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -227,8 +241,12 @@ def test_explain_says_why(
     plot = Path("run/explain-up_C.npy.png")
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert str(plot) in said.err
+    database = sqlite3.connect("run/run.db")
+    with database:
+        database.execute("UPDATE rows SET label = 'other' WHERE input LIKE '%up_C.npy'")
+    database.close()
     assert run(["explain", "run", "up_"]) == 0, "a part of the name is enough where only one has it"
-    capsys.readouterr()
+    assert "the run said other, and this version would say up" in capsys.readouterr().out
     for wrong, hint in (
         (["nobody.npy"], "no input of the run is 'nobody.npy'"),
         (["C.npy"], "could be any of 4 inputs"),
