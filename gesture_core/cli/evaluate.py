@@ -73,7 +73,6 @@ def evaluate(
     examples = _examples(items, train, protocol)
     _check_protocol(protocol, items, who, examples)
     data, identity = _load(items, who, examples, settings, workers)
-    _say_copies(items, identity["inputs"])
     compared = [compare_all(data, candidate) for candidate in candidates]
     found = [answer(c, protocol, point) for c, point in zip(compared, points, strict=True)]
     if len(found) > 1:
@@ -87,6 +86,7 @@ def evaluate(
     scores.say_accuracy(best, f"preset {settings.preset}{scores.changes_of(best.changes)}")
     scores.print_classes(best)
     scores.say_unusable(compared[number])
+    scores.say_copies(compared[number])
     if out is not None:
         from gesture_core.report.evaluation import write_evaluation
 
@@ -241,23 +241,6 @@ def _load(
     names = [item.name for item in items]
     identity["inputs"] = dict(zip(names, hashes, strict=True))
     return Labelled(poses, [str(item.label) for item in items], who, names, examples), identity
-
-
-def _say_copies(items: Sequence[Input], hashes: Mapping[str, str]) -> None:
-    """Inputs that are tested on their own copies, and those whose copies have another label."""
-    from gesture_core.archive.contradictions import contradictions
-
-    groups = Counter((hashes[item.name], item.member) for item in items if hashes[item.name])
-    copies = sum(number for number in groups.values() if number > 1)
-    if copies:
-        print(
-            f"{copies} inputs share their content with others: what is tested has been seen", file=sys.stderr
-        )
-    others = contradictions(items, {item.key: hashes[item.name] for item in items})
-    for item in [item for item in items if item.key in others][:_NAMED]:
-        other = others[item.key]
-        said = f"{item.name} is called {item.label}, and {other.name}, with the same content, {other.label}"
-        print(visible(said), file=sys.stderr)
 
 
 def _subject(item: Input, pattern: str, *, explicit: bool) -> str:

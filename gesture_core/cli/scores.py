@@ -11,7 +11,7 @@ from gesture_core.cli.screen import counted, print_table, visible
 if TYPE_CHECKING:
     from gesture_core.classify.evaluation import Compared, Evaluation
 
-_UNUSABLE_SHOWN = 5
+_SHOWN = 5
 
 
 def say_accuracy(evaluation: Evaluation, what: str) -> None:
@@ -79,7 +79,26 @@ def say_unusable(compared: Compared) -> None:
         return
     total = len(compared.data.names)
     print(f"{len(errors)} of {counted(total, 'input')} count as not recognised:", file=sys.stderr)
-    for index, error in list(errors.items())[:_UNUSABLE_SHOWN]:
+    for index, error in list(errors.items())[:_SHOWN]:
         print(f"  {error.code} {visible(error.about(compared.data.names[index]).message)}", file=sys.stderr)
-    if len(errors) > _UNUSABLE_SHOWN:
-        print(f"  … and {len(errors) - _UNUSABLE_SHOWN} more: answers.csv of --out has all", file=sys.stderr)
+    if len(errors) > _SHOWN:
+        print(f"  … and {len(errors) - _SHOWN} more: answers.csv of --out has all", file=sys.stderr)
+
+
+def say_copies(compared: Compared) -> None:
+    """Which inputs are at no distance from another one: the same clip twice, under other names or labels."""
+    import numpy as np
+
+    alike = np.triu(compared.within == 0, 1)
+    copies = int((alike | alike.T).any(axis=0).sum())
+    if not copies:
+        return
+    print(f"{counted(copies, 'input')} move exactly as others do: they find their copies", file=sys.stderr)
+    data = compared.data
+    pairs = [(int(i), int(j)) for i, j in compared.usable[np.argwhere(alike)]]
+    wrong = [(i, j) for i, j in pairs if data.labels[i] != data.labels[j]]
+    for i, j in wrong[:_SHOWN]:
+        text = f"  {data.names[i]} is called {data.labels[i]}, and its copy {data.names[j]} {data.labels[j]}"
+        print(visible(text), file=sys.stderr)
+    if len(wrong) > _SHOWN:
+        print(f"  … and {len(wrong) - _SHOWN} more pairs of two labels", file=sys.stderr)
