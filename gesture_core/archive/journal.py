@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -200,6 +200,11 @@ class Journal:
         with self._transaction():
             for key in keys:
                 self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, key))
+
+    def copies(self, hashes: Collection[str]) -> int:
+        """Number of inputs with one of these content hashes, or at no distance from an example."""
+        query = "SELECT sha256, MIN(distance) AS nearest FROM rows WHERE role = 'query' GROUP BY key"
+        return sum(row["sha256"] in hashes or row["nearest"] == 0 for row in self._db.execute(query))
 
     def with_keypoints(self) -> frozenset[bytes]:
         """Keys of the inputs in which somebody was found."""

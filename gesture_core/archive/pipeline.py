@@ -79,7 +79,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             lost_classes=tuple(sorted(lost)),
             assumed=dict(run.assumed),
             classes=dict(sorted(classes.items())),
-            inputs_among_examples=sum(sha256 in known for sha256 in journal.done().values()),
+            inputs_among_examples=journal.copies(known),
             gone=plan.gone,
         )
 

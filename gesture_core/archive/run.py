@@ -95,7 +95,7 @@ class RunSummary:
     classes : mapping
         Number of examples that can be used, by label.
     inputs_among_examples : int
-        Inputs whose content is that of an example: they find themselves.
+        Inputs whose content or movement is that of an example: they find themselves.
     gone : int
         Inputs of earlier runs that are not there any more; their rows were removed.
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from troubles import write_clip
 
@@ -63,4 +64,6 @@ def test_classes_are_counted_and_folders_of_none_are_lost(folder: Path) -> None:
         assert summary.lost_classes == ("empty", "picture") and summary.exit_code == 3
         assert summary.inputs_among_examples == 0
     shutil.copy(folder / "examples" / "left" / "1.npz", folder / "videos" / "copy.npz")
-    assert run(folder, "run").inputs_among_examples == 1
+    with np.load(folder / "examples" / "right" / "1.npz") as data:
+        np.savez_compressed(folder / "videos" / "packed.npz", **data)  # another file, the same movement
+    assert run(folder, "run").inputs_among_examples == 2
