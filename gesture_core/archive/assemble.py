@@ -15,6 +15,7 @@ _NO_GESTURE = frozenset(
     {"E_NO_PERSON", "E_POSE_SHORT", "E_POSE_SPARSE", "E_POSE_SCALE", "E_NO_SALIENT", "E_NO_COMMON"}
 )
 _READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
+_FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"
 PLUGIN_CODES = ("E_PLUGIN", "E_WORKER")
 """How codes begin for which a plugin is to blame, not the input."""
 
@@ -96,6 +97,8 @@ def person_row(
     )
     if row.code in _NO_GESTURE:
         row = replace(row, status="rejected")
+    if row.code == "E_REJECTED":
+        row = replace(row, message=f"{row.message}; {_FAR}")
     return _with_damage(row, item, outcome)
 
 

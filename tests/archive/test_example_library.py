@@ -78,6 +78,11 @@ def test_frames_as_pictures_are_told_to_become_videos(folder: Path) -> None:
         run(folder, "other")
 
 
+def test_a_rejected_row_says_what_to_look_at(folder: Path) -> None:
+    (left, _) = run(folder, classify__reject=1e-6).rows()
+    assert left.code == "E_REJECTED" and "above 1e-06; try: a clip of one gesture" in left.message
+
+
 def test_a_stranger_counts_as_no_neighbour(folder: Path) -> None:
     (folder / "examples" / "right" / "2.rmvb").touch()
     done = gesture(
