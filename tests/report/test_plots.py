@@ -17,7 +17,11 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     names = font_manager.fontManager.get_font_names()
     monkeypatch.setattr(font_manager.fontManager, "get_font_names", lambda: [*names, "Noto Sans CJK SC"])
     families: list[str] = []
-    monkeypatch.setattr(Text, "set_fontfamily", lambda self, family: families.extend(family or ()))
+
+    def note(_text: Text, family: object) -> None:
+        families.extend(family if isinstance(family, list) else ())
+
+    monkeypatch.setattr(Text, "set_fontfamily", note)
     return families
 
 
