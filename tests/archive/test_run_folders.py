@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from troubles import write_clip
 
-from gesture_core import classify_archive
 from gesture_core.archive.discovery import discover
-from gesture_core.archive.run import RunSummary
+from gesture_core.archive.pipeline import run_archive
+from gesture_core.archive.run import RunRequest, RunSummary
 from gesture_core.errors import ConfigError
+from gesture_core.settings import load_settings
 
 
 @pytest.fixture
@@ -25,9 +26,9 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, out: str) -> RunSummary:
-    return classify_archive(
-        folder / "videos", folder / "examples", folder / out, "paper", classify__kernel="numpy"
-    )
+    settings = load_settings("paper", classify__kernel="numpy")
+    places = (str(folder / "videos"),), folder / out, settings, (str(folder / "examples"),)
+    return run_archive(RunRequest(*places, engine="inline"))
 
 
 def test_what_a_run_leaves_is_neither_an_input_nor_an_example(folder: Path) -> None:
