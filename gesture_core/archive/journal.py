@@ -76,10 +76,12 @@ class Journal:
         self.path = folder / FILE_NAME
         self._writable = create
         if not create and not self.path.is_file():
+            runs = [str(path.parent) for path in sorted(folder.glob(f"*/{FILE_NAME}"))[:3]]
             raise RunFolderError(
                 "holds no run",
                 subject=str(folder),
-                remedy="a folder that gesture classify wrote",
+                remedy="a folder that gesture classify wrote"
+                + (f", such as {', '.join(runs)}" if runs else ""),
                 code="E_NO_RUN",
             )
         try:

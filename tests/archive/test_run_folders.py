@@ -10,9 +10,10 @@ import pytest
 from troubles import write_clip
 
 from gesture_core.archive.discovery import discover
+from gesture_core.archive.journal import open_journal
 from gesture_core.archive.pipeline import run_archive
 from gesture_core.archive.run import RunRequest, RunSummary
-from gesture_core.errors import ConfigError
+from gesture_core.errors import ConfigError, RunFolderError
 from gesture_core.settings import load_settings
 
 
@@ -37,6 +38,14 @@ def test_what_a_run_leaves_is_neither_an_input_nor_an_example(folder: Path) -> N
     assert [Path(item.name).name for item in discover([folder / "videos"])] == ["clip.npz"]
     summary = run(folder, "third")
     assert (summary.failed_examples, summary.lost_classes, summary.exit_code) == ((), (), 0)
+
+
+def test_a_folder_of_runs_is_told_from_a_run(folder: Path) -> None:
+    run(folder, "runs/first")
+    with pytest.raises(RunFolderError, match=r"holds no run; try: .*such as .*runs/first$"):
+        open_journal(folder / "runs")
+    with pytest.raises(RunFolderError, match=r"gesture classify wrote$"):
+        open_journal(folder / "videos")
 
 
 def test_rows_that_go_with_their_inputs_are_counted(folder: Path) -> None:
