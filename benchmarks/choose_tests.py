@@ -40,4 +40,4 @@ def _right(
 ) -> list[bool]:
     classes, codes = np.unique(labels, return_inverse=True)
     votes = fold_votes(distances, codes, examples, queries, load_settings("modern"))
-    return list(classes[votes.winners] == labels[queries])
+    return list((votes.winners >= 0) & (classes[votes.winners] == labels[queries]))
