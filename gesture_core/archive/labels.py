@@ -167,9 +167,30 @@ def _labeller(labels: str, roots: Sequence[Path]) -> Callable[[Input], str | Non
 
     def search(item: Input) -> str | None:
         match = search_name(pattern, item)
-        return match.groupdict().get("label") or match.group(1) if match else None
+        if match is None:
+            return None
+        label: str | None = match.groupdict().get("label") or match.group(1)
+        if label and halves_a_word(match):
+            raise ConfigError(
+                f"labels {labels!r} finds {label!r} inside a word of {item.name}",
+                remedy="an expression for letters with accents too, such as '^(?P<label>.+?)_'",
+                code="E_LABELS",
+            )
+        return label
 
     return search
+
+
+def halves_a_word(match: re.Match[str]) -> bool:
+    """Whether a letter with an accent ended the match: ``[a-z]`` finds ``en`` in ``grüßen``."""
+    text, start, end = match.string, match.start(), match.end()
+    first, last = text[start : start + 1], text[end - 1 : end]
+    before, after = text[max(0, start - 1) : start], text[end : end + 1]
+    return (first.isalpha() and _accented(before)) or (last.isalpha() and _accented(after))
+
+
+def _accented(letter: str) -> bool:
+    return not letter.isascii() and (letter.isalpha() or bool(unicodedata.combining(letter)))
 
 
 def _folder_label(path: Path, roots: Sequence[Path]) -> str | None:

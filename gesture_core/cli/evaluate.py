@@ -245,7 +245,7 @@ def _load(
 
 def _subject(item: Input, pattern: str, *, explicit: bool) -> str:
     """Who performs ``item``; empty where nobody said how to tell."""
-    from gesture_core.archive.labels import search_name
+    from gesture_core.archive.labels import halves_a_word, search_name
 
     if not explicit and "(?P<subject>" not in pattern:
         return ""
@@ -260,7 +260,14 @@ def _subject(item: Input, pattern: str, *, explicit: bool) -> str:
             "(one with a / is searched in the whole path)",
             code="E_SUBJECTS",
         )
-    return match.groupdict().get("subject") or match.group(1)
+    who = str(match.groupdict().get("subject") or match.group(1))
+    if halves_a_word(match):
+        raise ConfigError(
+            f"--subjects {pattern!r} finds {who!r} inside a word of {item.name}",
+            remedy="an expression for letters with accents too, such as '_(?P<subject>.+?)_'",
+            code="E_SUBJECTS",
+        )
+    return who
 
 
 def _fingerprint(settings: Settings, identity: Mapping[str, Any], data: Labelled) -> str:

@@ -95,6 +95,18 @@ def test_one_word_spelled_in_two_ways_is_one_label(tmp_path: Path) -> None:
     assert [item.label for item in found] == [unicodedata.normalize("NFC", "grüßen")] * 2
 
 
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+@pytest.mark.parametrize("expression", ["(?P<label>[a-z]+)_", "^(?P<label>[a-z]+)", "([a-z]+)_1"])
+def test_half_a_word_is_no_label(tmp_path: Path, form: str, expression: str) -> None:
+    (tmp_path / unicodedata.normalize(form, "grüßen_1.avi")).touch()
+    items = discover([tmp_path])
+    with pytest.raises(ConfigError, match=r"E_LABELS .* finds '(gr|gru|en)' inside a word of .*avi; try: "):
+        label_inputs(items, expression, [tmp_path])
+    assert [item.label for item in label_inputs(items, r"^(?P<label>.+?)_", [tmp_path])] == ["grüßen"]
+    (tmp_path / "waves_1.avi").touch()
+    assert label_inputs(discover([tmp_path / "waves_1.avi"]), "(wave)", [tmp_path])[0].label == "wave"
+
+
 def test_a_folder_inside_another_keeps_its_own_line(clips: list[Input], tmp_path: Path) -> None:
     (tmp_path / "list.csv").write_text("path,label\n.,all\nclap,clap\n")
     with pytest.raises(InputError, match=r"1\.avi: is listed as all and as clap"):

@@ -203,6 +203,14 @@ def test_tests_that_must_fail_are_counted(archive: Path, capsys: pytest.CaptureF
     assert "6 of 9 right" in said.out
 
 
+def test_half_a_name_is_no_subject(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("up/bén_1.avi", "side/bén_2.avi"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+    assert run(["evaluate", str(tmp_path), "--subjects", "([a-z]+)_"]) == 2
+    assert "E_SUBJECTS --subjects '([a-z]+)_' finds 'n' inside a word of" in capsys.readouterr().err
+
+
 def test_copies_are_said(archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "archive"
     shutil.copytree(archive, folder)
