@@ -253,21 +253,21 @@ def _subject(item: Input, pattern: str, *, explicit: bool) -> str:
         match = search_name(re.compile(pattern), item)
     except re.error as error:
         raise ConfigError(f"--subjects {pattern!r} is no regular expression: {error}") from None
-    if match is None or not match.re.groups:
+    who = match and match.re.groups and (match.groupdict().get("subject") or match.group(1))
+    if not match or not who:
         raise ConfigError(
             f"no subject for {item.name} by {pattern!r}",
             remedy="--subjects with a group, such as '_s(?P<subject>[0-9]+)_' "
             "(one with a / is searched in the whole path)",
             code="E_SUBJECTS",
         )
-    who = str(match.groupdict().get("subject") or match.group(1))
     if halves_a_word(match):
         raise ConfigError(
             f"--subjects {pattern!r} finds {who!r} inside a word of {item.name}",
             remedy="an expression for letters with accents too, such as '_(?P<subject>.+?)_'",
             code="E_SUBJECTS",
         )
-    return who
+    return str(who)
 
 
 def _fingerprint(settings: Settings, identity: Mapping[str, Any], data: Labelled) -> str:

@@ -85,6 +85,7 @@ def test_the_same_evaluation_has_the_same_fingerprint(archive: Path, tmp_path: P
         (["--protocol", "leave-one-subject-out"], 2, "E_SUBJECTS"),
         (["--subjects", "x(y)"], 2, "no subject for"),
         (["--subjects", "(("], 2, "no regular expression"),
+        (["--subjects", "(x)?_"], 2, "no subject for"),
         (["--protocol", "split"], 2, "E_SPLIT"),
         (["--protocol", "dice"], 2, "one of leave-one-subject-out"),
         (["--grid", "t_var"], 2, "mirror=1.1,1.32"),
