@@ -109,3 +109,13 @@ def test_defaults_are_frozen() -> None:
 def test_the_limits_of_a_video_are_those_of_the_settings() -> None:
     assert Limits() == Limits.of(LimitSettings())
     assert Limits.of(LimitSettings(pixels=7, frames=9)) == Limits(max_pixels=7, max_frames=9)
+
+
+def test_an_option_of_another_preset_is_told_where_it_lives() -> None:
+    with pytest.raises(ConfigError, match=r"'variance' in preset paper.*--preset paper"):
+        load_settings("modern", ["t_var=0.1"])
+    with pytest.raises(ConfigError, match=r"section\.name") as caught:
+        load_settings("modern", ["qqqqqq=1"])
+    assert len(caught.value.remedy) < 200
+    with pytest.raises(ConfigError, match=r"nix\.toml: No such file"):
+        load_settings("nix.toml")

@@ -132,11 +132,15 @@ class Evaluation:
         return self._curve(np.array([a.margin for a in self.answers]), -1.0)
 
     def _curve(self, values: np.ndarray, sign: float) -> list[tuple[float, float, float]]:
-        """What is left where ``sign * value`` is at most ``sign * limit``, for every value as the limit."""
+        """What is left where ``sign * value`` is at most ``sign * limit``, for every value as the limit.
+
+        What has no label already has none at any limit.
+        """
         right = np.array([a.right for a in self.answers])
+        given = np.array([a.predicted is not None for a in self.answers])
         curve = []
-        for limit in sorted({float(v) for v in values if np.isfinite(v)}, key=lambda v: -sign * v):
-            kept = sign * values <= sign * limit
+        for limit in sorted({float(v) for v in values[given & np.isfinite(values)]}, key=lambda v: -sign * v):
+            kept = given & (sign * values <= sign * limit)
             curve.append((limit, float(kept.mean()), float(right[kept].mean())))
         return curve
 
@@ -165,6 +169,11 @@ class Compared:
     within: np.ndarray
     errors: dict[int, GestureError]
     still: np.ndarray | None = None
+
+    @property
+    def subjects(self) -> set[str]:
+        """Those of whom anything can be used."""
+        return {self.data.subjects[i] for i in self.usable}
 
     def without(self, subject: str) -> Compared:
         """The same data as if ``subject`` had never been recorded."""
@@ -281,7 +290,7 @@ def choose_nested(candidates: Sequence[Compared]) -> tuple[Evaluation, dict[str,
         E_SUBJECTS where there are fewer than three subjects: a fold leaves one out, and choosing another.
     """
     subjects = sorted(set(candidates[0].data.subjects))
-    seen = min(len({c.data.subjects[i] for i in c.usable}) for c in candidates)
+    seen = min(len(candidate.subjects) for candidate in candidates)
     if seen < 3:
         raise ConfigError(
             f"a choice inside the folds needs three subjects and there are {seen} with usable clips",

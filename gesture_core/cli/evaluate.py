@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from gesture_core.cli import scores
-from gesture_core.cli.flags import Flags, Workers
+from gesture_core.cli.flags import Flags, Workers, check_part
 from gesture_core.cli.screen import counted, say_assumed, visible
 from gesture_core.cli.targets import check_folder
 from gesture_core.errors import ConfigError, GestureError, InputError, MissingDependencyError
@@ -66,8 +66,10 @@ def evaluate(
     settings = (flags or Flags()).settings()
     points = _grid(grid)
     candidates = [settings.with_values(point.items(), "--grid") for point in points]
-    for candidate in candidates:
+    for point, candidate in zip(points, candidates, strict=True):
         check_settings(candidate)
+        for key in point:
+            check_part(key, candidate, "--grid")
     items = _labelled(sources, labels, out)
     who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
     examples = _examples(items, train, protocol)
@@ -77,7 +79,7 @@ def evaluate(
     found = [answer(c, protocol, point) for c, point in zip(compared, points, strict=True)]
     if len(found) > 1:
         scores.print_grid(found)
-        if protocol == "leave-one-subject-out" and len(set(data.subjects)) > 2:
+        if protocol == "leave-one-subject-out" and all(len(c.subjects) > 2 for c in compared):
             nested, choices = choose_nested(compared)
             chosen = scores.choices_of(choices, points)
             scores.say_accuracy(nested, f"chosen inside the training subjects of each fold ({chosen})")

@@ -54,7 +54,7 @@ class PoseFlags:
         """The settings that the flags ask for; an option of a plugin that takes no part is an error."""
         settings = load_settings(self.preset, self.set, **self._changes())
         for key in (text.partition("=")[0].strip() for text in self.set):
-            _check_part(key, settings)
+            check_part(key, settings)
         return settings
 
     def _changes(self) -> dict[str, Any]:
@@ -135,7 +135,7 @@ class RunFlags:
     quiet: Annotated[bool, _switch("No progress and no table.")] = False
 
 
-def _check_part(key: str, settings: Settings) -> None:
+def check_part(key: str, settings: Settings, origin: str = "--set") -> None:
     """Raise where ``key`` is an option of a plugin that the settings do not choose."""
     name = key.rpartition(".")[0].removeprefix("options.")
     kinds = {kind for kind, plugin in registry().entries if plugin == name.partition(":")[0]}
@@ -143,7 +143,7 @@ def _check_part(key: str, settings: Settings) -> None:
     used = {settings.pose.backend, chosen.normalizer, chosen.selector, *chosen.filters}
     if kinds and name not in used and kinds <= _REMEDIES.keys():
         raise ConfigError(
-            f"--set {key}: {name!r} takes no part under preset {settings.preset}",
+            f"{origin} {key}: {name!r} takes no part under preset {settings.preset}",
             remedy=" or ".join(_REMEDIES[kind].format(name) for kind in sorted(kinds)),
             code="E_OPTION",
         )

@@ -57,6 +57,8 @@ def print_classes(evaluation: Evaluation) -> None:
     )
     curves = {"reject above": evaluation.rejection_curve(), "margin from": evaluation.margin_curve()}
     for title, curve in curves.items():
+        if not curve:
+            continue  # nothing has a label
         columns = [title, "coverage", "accuracy"]
         cells = [[f"{t:.4g}", f"{c:.1%}", f"{a:.1%}"] for t, c, a in thinned(curve, 8)]
         print_table(columns, cells, right=columns)

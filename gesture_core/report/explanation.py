@@ -75,7 +75,7 @@ def _path(axes: Any, side: Alignment, channel: int, *, first: bool) -> None:
 
 
 def _bars_of_one(axes: Any, side: Alignment, order: list[int]) -> None:
-    """The channels that make up most of the distance to the nearest example."""
+    """The channels that make up most of the distance to the answer's nearest example."""
     top = sorted(order, key=lambda c: -side.costs[c])[: _BARS // 2]
     axes.barh(range(len(top)), [side.costs[c] for c in top], color=BLUE)
     axes.set_yticks(range(len(top)), [side.query.channels[c] for c in top], fontsize=7)

@@ -7,25 +7,18 @@ the keyword arguments of a plugin, so ``--set gaussian.sigma=2`` reaches the fil
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import ConfigError
 from gesture_core.settings.sections import SECTIONS
+from gesture_core.settings.shipped import preset_tree, presets
 from gesture_core.settings.tree import DEFAULT_PRESET, Settings, change, with_options
 from gesture_core.settings.values import near
 
 ENVIRONMENT_PREFIX = "GESTURE_SET_"
-
-
-def presets() -> tuple[str, ...]:
-    """Names of the presets in the package."""
-    folder = files("gesture_core") / "presets"
-    return tuple(sorted(item.name[:-5] for item in folder.iterdir() if item.name.endswith(".toml")))
 
 
 def load_settings(
@@ -80,7 +73,7 @@ def _split(text: str) -> tuple[str, str]:
 def _from_toml(name: str, above: tuple[str, ...] = ()) -> Settings:
     if name in above:
         raise ConfigError(f"is its own base: {' -> '.join((*above, name))}", subject=name, code="E_PRESET")
-    tree = _tree(name)
+    tree = preset_tree(name)
     base = tree.pop("base", None)
     if base is not None and not isinstance(base, str):
         raise ConfigError(f"base = {base!r}", subject=name, remedy="the name of a preset", code="E_PRESET")
@@ -99,19 +92,3 @@ def _from_toml(name: str, above: tuple[str, ...] = ()) -> Settings:
     for section, values in tree.items():
         settings = change(settings, section, values, name)
     return settings
-
-
-def _tree(name: str) -> dict[str, Any]:
-    """The TOML tree of a preset of the package, or of a file."""
-    try:
-        if name in presets():
-            text = (files("gesture_core") / "presets" / f"{name}.toml").read_text("utf-8")
-        else:
-            text = Path(name).read_text("utf-8")
-        return tomllib.loads(text)
-    except OSError:
-        raise ConfigError(
-            f"no preset {name!r}", remedy=f"one of {', '.join(presets())}, or a TOML file", code="E_PRESET"
-        ) from None
-    except ValueError as error:  # of TOML or of UTF-8
-        raise ConfigError(f"not TOML: {error}", subject=name, code="E_PRESET") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from difflib import get_close_matches
 from typing import Any, get_type_hints
 
 from gesture_core.dtw.spec import DtwSpec
@@ -17,6 +18,7 @@ from gesture_core.settings.sections import (
     PoseSettings,
     SignalSettings,
 )
+from gesture_core.settings.shipped import presets_with
 from gesture_core.settings.values import near, read_value, toml_value
 
 DEFAULT_PRESET = "modern"
@@ -116,9 +118,22 @@ def _resolve(key: str, settings: Settings, origin: str) -> tuple[str, str]:
         return owners[0], key
     if owners:
         raise ConfigError(f"{origin} {key!r} is ambiguous", remedy=" or ".join(f"{o}.{key}" for o in owners))
+    homes = presets_with(key)
+    if homes:
+        where = " and ".join(f"{plugin!r} in preset {preset}" for preset, plugin in homes)
+        raise ConfigError(
+            f"{origin} {key!r} is an option of {where}, which takes no part here",
+            remedy=" or ".join(f"--preset {preset}" for preset in dict.fromkeys(p for p, _ in homes)),
+        )
     every = [f"{s}.{n}" for s in SECTIONS for n in _names(s)]
-    bare = [n for s in SECTIONS for n in _names(s)]
-    raise ConfigError(f"{origin} {key!r} is no setting", remedy=near(key, bare + every))
+    alike = get_close_matches(key, [n for s in SECTIONS for n in _names(s)] + every, 3)
+    remedy = (
+        f"did you mean {' or '.join(alike)}?"
+        if alike
+        else f"section.name, with a section of {', '.join(SECTIONS)}; or plugin.option, "
+        "of which 'gesture plugins NAME' lists those of a plugin"
+    )
+    raise ConfigError(f"{origin} {key!r} is no setting", remedy=remedy)
 
 
 def _plugin(name: str, origin: str) -> str:

@@ -136,10 +136,18 @@ def test_rejection_trades_coverage_for_accuracy() -> None:
     assert [m for m, _, _ in by_margin] == sorted({a.margin for a in found.answers})
     assert (by_margin[0][1], by_margin[0][2]) == (1.0, found.accuracy)
     assert by_margin[-1][1] == pytest.approx(1 / 12)
+    middle = float(np.median([a.distance for a in found.answers]))
+    half = evaluate(archive(), "leave-one-subject-out", PAPER.with_values([("classify.reject", middle)]))
+    kept = sum(a.predicted is not None for a in half.answers)
+    assert 0 < kept < 12  # what is refused counts as not covered at any further limit
+    for loosest in (half.rejection_curve()[0], half.margin_curve()[0]):
+        assert loosest[1] == pytest.approx(kept / 12)
+    assert half.rejection_curve()[0][0] <= middle
     strict = PAPER.with_values([("classify.reject", 1e-9)])
     none = evaluate(archive(), "leave-one-subject-out", strict)
     assert none.accuracy == 0
     assert {a.code for a in none.answers} == {"E_REJECTED"}
+    assert none.rejection_curve() == []
 
 
 def test_the_nested_choice_takes_what_is_best_among_the_others() -> None:

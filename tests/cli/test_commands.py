@@ -162,6 +162,8 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         (["models", "add", "no/such.onnx"], 2, "no such file"),
         (["extract", "{videos}", "--out", "{out}", "--kernel", "numpy"], 2, "gesture extract --help"),
         (["render", "{videos}", "--reject", "1"], 2, "gesture render --help"),
+        (["evaluate", "{clips}", "--grid", "t_var=0.1,0.2"], 2, "try: --preset paper"),
+        (["evaluate", "{clips}", "--grid", "variance.t_var=0.1,0.2"], 2, "takes no part under preset modern"),
         (["bench", "--neighbors", "1"], 2, "try: gesture bench --help"),
     ],
 )  # fmt: skip
