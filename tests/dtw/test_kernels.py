@@ -130,8 +130,6 @@ def test_options_of_what_is_no_plugin_are_refused() -> None:
         warping_distances(series, series, options={"nmuba": {"threads": 1}})
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="folder permissions")
 @pytest.mark.parametrize("radius", [0, 1.5])
 def test_a_radius_is_a_whole_number_of_cells(radius: float) -> None:
     with pytest.raises(ConfigError, match="radius = "):
@@ -140,6 +138,8 @@ def test_a_radius_is_a_whole_number_of_cells(radius: float) -> None:
         )
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="folder permissions")
 def test_compiled_code_runs_where_no_folder_can_be_written(tmp_path: Path) -> None:
     pytest.importorskip("numba")
     code = (
