@@ -52,9 +52,10 @@ class _Table:
         name = _spelling(item.path.resolve())
         if name in self._labels:
             return "its line there has no label"
-        near = difflib.get_close_matches(name, self._labels, 1, 0.8)
-        shown = os.path.relpath(near[0], self._folder.resolve()) if near else ""
-        return "it has no line for it" + (f", {printable(shown)!r} is near" if near else "")
+        folder = _spelling(self._folder.resolve())
+        listed = [os.path.relpath(path, folder) for path in self._labels]
+        near = difflib.get_close_matches(os.path.relpath(name, folder), listed, 1, 0.8)
+        return "it has no line for it" + (f", {printable(near[0])!r} is near" if near else "")
 
 
 def _spelling(path: Path) -> str:
@@ -170,7 +171,7 @@ def _labeller(labels: str, roots: Sequence[Path]) -> Callable[[Input], str | Non
         if match is None:
             return None
         label: str | None = match.groupdict().get("label") or match.group(1)
-        if label and halves_a_word(match):
+        if label and halves_a_word(match, "label"):
             raise ConfigError(
                 f"labels {labels!r} finds {label!r} inside a word of {item.name}",
                 remedy="an expression for letters with accents too, such as '^(?P<label>.+?)_'",
@@ -181,16 +182,23 @@ def _labeller(labels: str, roots: Sequence[Path]) -> Callable[[Input], str | Non
     return search
 
 
-def halves_a_word(match: re.Match[str]) -> bool:
-    """Whether a letter with an accent ended the match: ``[a-z]`` finds ``en`` in ``grüßen``."""
-    text, start, end = match.string, match.start(), match.end()
-    first, last = text[start : start + 1], text[end - 1 : end]
-    before, after = text[max(0, start - 1) : start], text[end : end + 1]
-    return (first.isalpha() and _accented(before)) or (last.isalpha() and _accented(after))
+def halves_a_word(match: re.Match[str], group: str) -> bool:
+    """Whether a letter with an accent ended what was found: ``[a-z]`` finds ``en`` in ``grüßen``.
+
+    ``group`` is what was asked for, or the first one where there is no such group. Where the expression
+    itself says what stands beside it, nothing was halved.
+    """
+    text = match.string
+    start, end = match.span(group if match.groupdict().get(group) else 1)
+    before = text[max(0, start - 1) : start] if start == match.start() else ""
+    after = text[end : end + 1] if end == match.end() else ""
+    return (text[start].isalpha() and _accented(before)) or (text[end - 1].isalpha() and _accented(after))
 
 
 def _accented(letter: str) -> bool:
-    return not letter.isascii() and (letter.isalpha() or bool(unicodedata.combining(letter)))
+    """An accent, or a letter beyond ASCII of a writing with capitals: others put no spaces between words."""
+    cased = letter.lower() != letter.upper()
+    return not letter.isascii() and (cased or bool(unicodedata.combining(letter)))
 
 
 def _folder_label(path: Path, roots: Sequence[Path]) -> str | None:

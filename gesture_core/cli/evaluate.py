@@ -263,7 +263,7 @@ def _subject(item: Input, pattern: str, *, explicit: bool) -> str:
             "(one with a / is searched in the whole path)",
             code="E_SUBJECTS",
         )
-    if halves_a_word(match):
+    if halves_a_word(match, "subject"):
         raise ConfigError(
             f"--subjects {pattern!r} finds {who!r} inside a word of {item.name}",
             remedy="an expression for letters with accents too, such as '_(?P<subject>.+?)_'",

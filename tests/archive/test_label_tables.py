@@ -59,6 +59,13 @@ def test_what_a_table_lacks_is_said(clips: list[Input], tmp_path: Path, text: st
     assert caught.value.code == "E_LABELS"
 
 
+def test_a_line_is_near_by_its_own_path_and_not_by_the_folder_of_all(
+    clips: list[Input], tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match="has no line for it; try"):
+        labels(clips, tmp_path / "labels.csv", "path,label\nclap/1.avi,no\n")
+
+
 def test_other_encodings_and_endless_names_are_mistakes(clips: list[Input], tmp_path: Path) -> None:
     table = tmp_path / "labels.csv"
     text = "path,label\nclap/1.avi,no\n"
@@ -93,6 +100,21 @@ def test_one_word_spelled_in_two_ways_is_one_label(tmp_path: Path) -> None:
     roots = [tmp_path / "0", tmp_path / "1"]
     found = label_inputs(discover(roots), "folder", roots)
     assert [item.label for item in found] == [unicodedata.normalize("NFC", "grüßen")] * 2
+
+
+@pytest.mark.parametrize(
+    ("name", "expression", "found"),
+    [
+        ("张三挥手1.avi", "(挥手)", "挥手"),  # words without spaces between them
+        ("手势wave_1.avi", "(wave)_", "wave"),
+        ("andrés01.avi", "s([0-9]+)", "01"),
+    ],
+)
+def test_a_label_beside_another_writing_is_whole(
+    tmp_path: Path, name: str, expression: str, found: str
+) -> None:
+    (tmp_path / name).touch()
+    assert label_inputs(discover([tmp_path]), expression, [tmp_path])[0].label == found
 
 
 @pytest.mark.parametrize("form", ["NFC", "NFD"])
