@@ -295,7 +295,12 @@ def test_an_interrupted_run_says_how_to_resume(
         "slow",
     ]
     process = subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(path)}
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(path)},
+        # a shell that starts the suite in the background lets it ignore interrupts, and children inherit that
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),
     )
     assert process.stderr is not None
     assert json.loads(process.stderr.readline())["event"] == "planned"
