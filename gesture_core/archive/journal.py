@@ -221,9 +221,10 @@ class Journal:
         """Record that ``file`` is about to belong to an input."""
         self._db.execute("INSERT OR REPLACE INTO published VALUES (?, ?)", (key, file))
 
-    def retract(self, key: bytes) -> None:
-        """Record that an input's keypoint file is gone."""
-        self._db.execute("DELETE FROM published WHERE key = ?", (key,))
+    def retract(self, keys: Sequence[bytes]) -> None:
+        """Record that the keypoint files of inputs are gone."""
+        with self._transaction():
+            self._db.executemany("DELETE FROM published WHERE key = ?", [(key,) for key in keys])
 
     def counts(self, role: str = "query") -> dict[str, int]:
         """Number of rows by status."""

@@ -39,6 +39,7 @@ class KeypointFiles:
         self._known, own = journal.published(), {item.key for item in inputs}
         others = [file for key, file in self._known.items() if key not in own]
         self._names = file_names(inputs, sources, others)
+        self._claims = Counter(self._known.values())
 
     def lacking(self) -> set[bytes]:
         """Keys of inputs that have rows with keypoints, and no file of the right name."""
@@ -51,8 +52,9 @@ class KeypointFiles:
     def put(self, item: Input, stored: Path) -> None:
         """Copy a file of the keypoint store to its place."""
         name = self._names[item.key]
-        if self._known.get(item.key, name) != name:
-            self._drop(item.key)
+        if self._known.get(item.key) != name:
+            self._drop(self._known.keys() & {item.key})
+            self._claims[name] += 1
         self._journal.publish(item.key, name)  # first, so that no file is ever unknown
         self._known[item.key] = name
         with replacing(self._folder / name) as temporary:
@@ -60,17 +62,20 @@ class KeypointFiles:
 
     def sweep(self) -> None:
         """Delete the files of inputs that have no keypoints any more, unless they are inputs themselves."""
-        for key in self._known.keys() - self._journal.with_keypoints():
-            self._drop(key)
+        self._drop(self._known.keys() - self._journal.with_keypoints())
 
-    def _drop(self, key: bytes) -> None:
-        path = self._folder / self._known[key]
-        if os.fsencode(os.path.normpath(path.absolute())) in self._inputs:
-            return
-        name = self._known.pop(key)
-        if name not in self._known.values():  # another source may have given it to another input by now
-            path.unlink(missing_ok=True)
-        self._journal.retract(key)
+    def _drop(self, keys: Iterable[bytes]) -> None:
+        gone = []
+        for key in keys:
+            path = self._folder / self._known[key]
+            if os.fsencode(os.path.normpath(path.absolute())) in self._inputs:
+                continue
+            name = self._known.pop(key)
+            self._claims[name] -= 1
+            if not self._claims[name]:  # another source may have given it to another input by now
+                path.unlink(missing_ok=True)
+            gone.append(key)
+        self._journal.retract(gone)
 
 
 def file_names(items: Sequence[Input], sources: Sequence[str], taken: Iterable[str] = ()) -> dict[bytes, str]:
