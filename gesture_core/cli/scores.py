@@ -97,9 +97,9 @@ def say_copies(compared: Compared) -> None:
         return
     print(f"{counted(copies, 'input')} move exactly as others do: they find their copies", file=sys.stderr)
     data = compared.data
-    pairs = [(int(i), int(j)) for i, j in compared.usable[np.argwhere(alike)]]
-    wrong = [(i, j) for i, j in pairs if data.labels[i] != data.labels[j]]
-    for i, j in wrong[:_SHOWN]:
+    codes = np.unique(np.array(data.labels)[compared.usable], return_inverse=True)[1]
+    wrong = np.argwhere(alike & (codes[:, None] != codes))
+    for i, j in compared.usable[wrong[:_SHOWN]].tolist():
         text = f"  {data.names[i]} is called {data.labels[i]}, and its copy {data.names[j]} {data.labels[j]}"
         print(visible(text), file=sys.stderr)
     if len(wrong) > _SHOWN:
