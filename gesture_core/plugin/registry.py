@@ -7,7 +7,7 @@ import importlib
 import importlib.util
 import inspect
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -109,7 +109,8 @@ class Registry:
         if not isinstance(target, str) or not _TARGET.fullmatch(target):
             self.faults.append(Fault(origin, f"target {target!r} is not 'module:Class'", kind, name))
             return
-        if isinstance(needs, str) or not all(isinstance(module, str) for module in needs):
+        listed = isinstance(needs, Collection) and not isinstance(needs, str)
+        if not listed or not all(isinstance(module, str) for module in needs):
             self.faults.append(Fault(origin, f"needs {needs!r} is no list of module names", kind, name))
             return
         known = self.entries.setdefault((kind, name), [])

@@ -67,9 +67,16 @@ def test_mistakes_become_faults() -> None:
         {"name": "Bad Name", "target": "json:JSONDecoder"},
         {"name": "bad-target", "target": "json"},
         {"name": "bad-needs", "target": "json:JSONDecoder", "needs": "torch"},
+        {"name": "no-needs", "target": "json:JSONDecoder", "needs": None},
     )
     assert found.load("filter", "good").__name__ == "JSONDecoder"
-    assert [fault.name for fault in found.faults] == ["good", "Bad Name", "bad-target", "bad-needs"]
+    assert [fault.name for fault in found.faults] == [
+        "good",
+        "Bad Name",
+        "bad-target",
+        "bad-needs",
+        "no-needs",
+    ]
     misspelled = registered("register_filtres", {"name": "x", "target": "json:loads"})
     assert "register_filters" in misspelled.faults[0].cause
 
