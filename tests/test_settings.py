@@ -114,6 +114,8 @@ def test_the_limits_of_a_video_are_those_of_the_settings() -> None:
 def test_an_option_of_another_preset_is_told_where_it_lives() -> None:
     with pytest.raises(ConfigError, match=r"'variance' in preset paper.*--preset paper"):
         load_settings("modern", ["t_var=0.1"])
+    with pytest.raises(ConfigError, match=r"that preset modern does not set; try: gaussian\.sigma$"):
+        load_settings("modern", ["sigma=2"])  # which has gaussian.seconds
     with pytest.raises(ConfigError, match=r"section\.name") as caught:
         load_settings("modern", ["qqqqqq=1"])
     assert len(caught.value.remedy) < 200

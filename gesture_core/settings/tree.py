@@ -36,6 +36,12 @@ class Settings:
     limits: LimitSettings = field(default_factory=LimitSettings)
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
+    @property
+    def steps(self) -> frozenset[str]:
+        """Names of the plugins that make signals of a video: backend, normalizer, filters, selector."""
+        chosen = self.signals
+        return frozenset((self.pose.backend, chosen.normalizer, chosen.selector, *chosen.filters))
+
     def as_dict(self) -> dict[str, Any]:
         """The whole tree as plain dicts, lists and scalars, without the preset's name.
 
@@ -119,6 +125,11 @@ def _resolve(key: str, settings: Settings, origin: str) -> tuple[str, str]:
     if owners:
         raise ConfigError(f"{origin} {key!r} is ambiguous", remedy=" or ".join(f"{o}.{key}" for o in owners))
     homes = presets_with(key)
+    if here := sorted({f"{plugin}.{key}" for _, plugin in homes if plugin in settings.steps}):
+        raise ConfigError(
+            f"{origin} {key!r} is an option that preset {settings.preset} does not set",
+            remedy=" or ".join(here),
+        )
     if homes:
         where = " and ".join(f"{plugin!r} in preset {preset}" for preset, plugin in homes)
         raise ConfigError(
