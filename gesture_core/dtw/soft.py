@@ -113,7 +113,8 @@ def _with_itself(
     kernel: DistanceKernel, batch: SignalBatch, index: np.ndarray, use: np.ndarray, spec: DtwSpec
 ) -> np.ndarray:
     """(K,) value of series ``index[k]`` with itself on the dimensions ``use[k]``, each computed once."""
-    _, first, place = np.unique(np.column_stack([index, use]), axis=0, return_index=True, return_inverse=True)
+    wanted = np.column_stack([index, np.packbits(use, axis=1)])
+    _, first, place = np.unique(wanted, axis=0, return_index=True, return_inverse=True)
     which, dimensions = index[first], use[first]
     alone = SignalBatch(batch.values[which], batch.lengths[which], dimensions, dimensions)
     every = np.arange(len(first))
