@@ -73,7 +73,7 @@ def evaluate(
     items = _labelled(sources, labels, out)
     who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
     examples = _examples(items, train, protocol)
-    _check_protocol(protocol, items, who, examples)
+    _check_protocol(protocol, items, who, examples, max(c.classify.neighbors for c in candidates))
     data, identity = _load(items, who, examples, settings, workers)
     compared = [compare_all(data, candidate) for candidate in candidates]
     found = [answer(c, protocol, point) for c, point in zip(compared, points, strict=True)]
@@ -177,7 +177,11 @@ def _examples(items: Sequence[Input], train: str, protocol: str) -> list[bool] |
 
 
 def _check_protocol(
-    protocol: str, items: Sequence[Input], who: Sequence[str], examples: Sequence[bool] | None
+    protocol: str,
+    items: Sequence[Input],
+    who: Sequence[str],
+    examples: Sequence[bool] | None,
+    neighbors: int,
 ) -> None:
     """Raise what the protocol would raise, before hours of extraction instead of after them.
 
@@ -189,10 +193,17 @@ def _check_protocol(
 
     names, codes = np.unique([str(item.label) for item in items], return_inverse=True)
     alike = np.broadcast_to(0.0, (len(items), len(items)))
-    tests, hopeless = 0, Counter[str]()
+    tests, least, hopeless = 0, len(items), Counter[str]()
     for fold in folds(protocol, codes, who, alike, examples):
         tests += len(fold.test)
+        least = min(least, len(fold.train))
         hopeless.update(names[codes[fold.test][~np.isin(codes[fold.test], codes[fold.train])]].tolist())
+    if neighbors > least:
+        raise ConfigError(
+            f"{neighbors} neighbours were asked for, and a fold has {counted(least, 'example')}",
+            remedy=f"--neighbors up to {least}, or 0 for all examples",
+            code="E_NEIGHBORS",
+        )
     if hopeless:
         labels = [visible(label) for label in sorted(hopeless)]
         more = ", …" if labels[_NAMED:] else ""

@@ -51,14 +51,15 @@ def print_classes(evaluation: Evaluation) -> None:
     folds = evaluation.by_fold
     if 1 < len(folds) <= min(40, len(evaluation.answers) - 1):  # a fold of one answer says nothing
         print_table(["fold", "accuracy"], [[n, f"{a:.1%}"] for n, a in folds.items()], right=["accuracy"])
-    print(
-        "a stricter threshold labels fewer inputs (coverage), and more of these rightly (accuracy): "
-        "--reject VALUE, or --set classify.margin=VALUE"
-    )
     curves = {"reject above": evaluation.rejection_curve(), "margin from": evaluation.margin_curve()}
+    if any(curves.values()):  # otherwise nothing has a label
+        print(
+            "a stricter threshold labels fewer inputs (coverage), and more of these rightly (accuracy): "
+            "--reject VALUE, or --set classify.margin=VALUE"
+        )
     for title, curve in curves.items():
         if not curve:
-            continue  # nothing has a label
+            continue
         columns = [title, "coverage", "accuracy"]
         cells = [[f"{t:.4g}", f"{c:.1%}", f"{a:.1%}"] for t, c, a in thinned(curve, 8)]
         print_table(columns, cells, right=columns)

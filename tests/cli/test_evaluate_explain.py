@@ -108,10 +108,16 @@ def test_a_protocol_that_does_not_fit_is_refused_before_anything_is_extracted(
         raise AssertionError("hours of work for nothing")
 
     monkeypatch.setattr("gesture_core.archive.extraction.extract_all", extract_all)
-    for extra in (["--protocol", "leave-one-subject-out"], ["--protocol", "split", "--train", "nothing"]):
+    few = ["--subjects", "_([A-Z])", "--protocol", "donor", "--grid", "neighbors=1,4"]
+    for extra in (
+        ["--protocol", "leave-one-subject-out"],
+        ["--protocol", "split", "--train", "nothing"],
+        few,
+    ):
         assert run(["evaluate", str(archive), *extra]) == 2
     said = capsys.readouterr().err
     assert "E_SUBJECTS" in said and "E_SPLIT" in said
+    assert "E_NEIGHBORS 4 neighbours were asked for, and a fold has 3 examples" in said
 
 
 @pytest.mark.parametrize(("module", "more"), [("sklearn", []), ("matplotlib", ["--out", "scores"])])
