@@ -112,7 +112,7 @@ def _say_to_people(summary: RunSummary) -> None:
         print(f"nothing to do: all rows ({counts}) are in {database}{again}", file=sys.stderr)
     if summary.gone:
         print(
-            f"gone since the last run, and the rows with them: {counted(summary.gone, 'input')}",
+            f"no longer there, and removed from the run folder: {counted(summary.gone, 'input')}",
             file=sys.stderr,
         )
     say_assumed(summary.assumed)
