@@ -75,7 +75,8 @@ class KeypointFiles:
             if not self._claims[name]:  # another source may have given it to another input by now
                 path.unlink(missing_ok=True)
             gone.append(key)
-        self._journal.retract(gone)
+        if gone:
+            self._journal.retract(gone)
 
 
 def file_names(items: Sequence[Input], sources: Sequence[str], taken: Iterable[str] = ()) -> dict[bytes, str]:
