@@ -33,7 +33,7 @@ class KeypointFiles:
     """
 
     def __init__(self, out: Path, journal: Journal, inputs: Sequence[Input], sources: Sequence[str]) -> None:
-        self._folder = out / "keypoints"
+        self._folder, self._removed = out / "keypoints", out / "removed"
         self._journal = journal
         self._inputs = {item.place for item in inputs}
         self._known, own = journal.published(), {item.key for item in inputs}
@@ -61,10 +61,13 @@ class KeypointFiles:
             shutil.copyfile(stored, temporary)
 
     def sweep(self) -> None:
-        """Delete the files of inputs that have no keypoints any more, unless they are inputs themselves."""
-        self._drop(self._known.keys() - self._journal.with_keypoints())
+        """Take out the files of inputs that have no keypoints any more, unless they are inputs themselves.
 
-    def _drop(self, keys: Iterable[bytes]) -> None:
+        They go to ``<out>/removed/``: where the video is deleted, its keypoints are all that is left of it.
+        """
+        self._drop(self._known.keys() - self._journal.with_keypoints(), self._removed)
+
+    def _drop(self, keys: Iterable[bytes], to: Path | None = None) -> None:
         gone = []
         for key in keys:
             path = self._folder / self._known[key]
@@ -73,10 +76,19 @@ class KeypointFiles:
             name = self._known.pop(key)
             self._claims[name] -= 1
             if not self._claims[name]:  # another source may have given it to another input by now
-                path.unlink(missing_ok=True)
+                _take_out(path, None if to is None else to / name)
             gone.append(key)
         if gone:
             self._journal.retract(gone)
+
+
+def _take_out(path: Path, to: Path | None) -> None:
+    """Move a file, if it is there, or delete it."""
+    if to is None or not path.is_file():
+        path.unlink(missing_ok=True)
+        return
+    to.parent.mkdir(parents=True, exist_ok=True)
+    path.replace(to)
 
 
 def file_names(items: Sequence[Input], sources: Sequence[str], taken: Iterable[str] = ()) -> dict[bytes, str]:

@@ -112,7 +112,7 @@ def _say_to_people(summary: RunSummary) -> None:
         print(f"nothing to do: all rows ({counts}) are in {database}{again}", file=sys.stderr)
     if summary.gone:
         print(
-            f"no longer there, and removed from the run folder: {counted(summary.gone, 'input')}",
+            f"no longer there, and without a row from now on: {counted(summary.gone, 'input')}",
             file=sys.stderr,
         )
     say_assumed(summary.assumed)

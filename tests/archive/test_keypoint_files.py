@@ -28,20 +28,25 @@ def extract(folder: Path, *sources: str, **options) -> RunSummary:  # type: igno
 
 def files(folder: Path) -> dict[str, int]:
     """Frames of each keypoint file."""
-    place = folder / "run" / "keypoints"
+    return frames_in(folder / "run" / "keypoints")
+
+
+def frames_in(place: Path) -> dict[str, int]:
+    """Frames of each keypoint file below ``place``."""
     return {
         str(path.relative_to(place)): len(read_keypoints(path).sequences[0])
         for path in sorted(place.rglob("*.parquet"))
     }
 
 
-def test_files_of_inputs_that_are_gone_or_broken_go(folder: Path) -> None:
+def test_files_of_inputs_that_are_gone_or_broken_are_taken_out_and_kept(folder: Path) -> None:
     extract(folder, "one")
     assert files(folder) == {"a.npz.parquet": 30, "b.npz.parquet": 31}
     (folder / "one" / "a.npz").unlink()
     (folder / "one" / "b.npz").write_bytes(b"PK\x03\x04 no archive")
     assert extract(folder, "one").counts == {"error": 1}
     assert files(folder) == {}
+    assert frames_in(folder / "run" / "removed") == {"a.npz.parquet": 30, "b.npz.parquet": 31}
 
 
 def test_files_that_were_deleted_come_back(folder: Path) -> None:

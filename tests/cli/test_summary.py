@@ -30,7 +30,7 @@ def test_labels_are_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
 
 
 def test_one_label_is_no_choice(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "no longer there, and removed from the run folder: 2 inputs" in said(monkeypatch, capsys, gone=2)
+    assert "no longer there, and without a row from now on: 2 inputs" in said(monkeypatch, capsys, gone=2)
     lines = said(monkeypatch, capsys, classes={"wave": 3}, inputs_among_examples=1)
     assert lines[-1] == "1 input is among the examples itself: its label is no result"
     lines = said(monkeypatch, capsys, classes={"wave": 3})
