@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -32,7 +33,7 @@ from gesture_pose_onnx.training.batches import Batches, leg_of  # noqa: E402
 from gesture_pose_onnx.training.cutout import PERSON, cut_out  # noqa: E402
 from gesture_pose_onnx.training.grow import grow  # noqa: E402
 from gesture_pose_onnx.training.store import Store, Writer  # noqa: E402
-from gesture_pose_onnx.training.train import train  # noqa: E402
+from gesture_pose_onnx.training.train import finished, train  # noqa: E402
 
 from gesture_core.errors import ConfigError, ModelError  # noqa: E402
 
@@ -166,12 +167,16 @@ def test_a_network_that_grows_answers_as_before() -> None:
 
 def test_a_training_grows_at_its_step(batches: Batches, tmp_path: Path) -> None:
     wide = {**TINY["network"], "widths": [4, 4, 8, 12, 8]}
-    table = {**TINY, "first": TINY["network"], "network": wide, "grow_at": 2}
+    table = {**TINY, "first": TINY["network"], "network": wide, "grow_at": 2, "mean_from": 3}
     settings = settings_module.parse(table)
     straight = train(batches, settings, tmp_path, progress=False)
     assert straight.stride16[0].body[-1].num_features == 12
     state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
     assert state["step"] == 4
+    early = torch.load(tmp_path / "anchor.pt", weights_only=True)["head.1.bias"]
+    late = straight.state_dict()["head.1.bias"]
+    assert torch.allclose(finished(tmp_path, settings).state_dict()["head.1.bias"], (early + late) / 2)
+    assert torch.equal(finished(tmp_path, replace(settings, mean_from=0)).state_dict()["head.1.bias"], late)
     assert settings.network_at(1) == settings.first and settings.network_at(2) == settings.network
 
 

@@ -10,18 +10,14 @@ from pathlib import Path
 # Threads that spin while they wait starve each other on a busy machine: 5 against 85 pictures a second.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-import torch
-
 from . import settings as settings_module
 from .batches import Batches
 from .export import export
 from .label import label
-from .network import Compact, build
 from .render import render
 from .scenes import harvest, patches
-from .settings import Settings
 from .store import Store
-from .train import train
+from .train import finished, train
 
 STEPS = ("label", "render", "train", "export", "evaluate", "show")
 
@@ -37,14 +33,6 @@ def _open_or_make(folder: Path, make: object) -> Store:
     if (folder / "index.json").exists():
         return Store.open(folder)
     return make()  # type: ignore[operator,no-any-return]
-
-
-def network_of(work: Path, settings: Settings) -> Compact:
-    """The averaged weights of the last checkpoint."""
-    state = torch.load(work / "checkpoint.pt", weights_only=True)
-    model = build(settings.network_at(state["step"] - 1))
-    model.load_state_dict(state["slow"])
-    return model.eval()
 
 
 def main() -> None:
@@ -77,7 +65,7 @@ def main() -> None:
         batches = Batches(real, rendered, harvest(real), settings.schedule, settings.seed)
         train(batches, settings, args.work)
     if "export" in steps:
-        print(f"{args.out}: SHA-256 {export(network_of(args.work, settings), args.out)}")
+        print(f"{args.out}: SHA-256 {export(finished(args.work, settings), args.out)}")
     if "evaluate" in steps:
         from .evaluate import evaluate
 

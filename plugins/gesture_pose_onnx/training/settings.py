@@ -57,6 +57,7 @@ class Settings:
     sigma: float = 1.5  # cells
     weight_decay: float = 1e-2
     average: float = 0.998  # decay of the averaged weights
+    mean_from: int = 0  # step whose averaged weights are averaged once more with the last ones, 0 for none
     checkpoint_steps: int = 100
     minutes: float = 0.0  # stop after so many minutes of training, 0 for no limit
     data: Data = field(default_factory=Data)

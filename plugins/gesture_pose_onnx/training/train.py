@@ -21,6 +21,27 @@ from .settings import Settings
 CURVE = ("step", "images", "minutes", "size", "rate", "heat", "offset_cells")
 
 
+ANCHOR = "anchor.pt"
+
+
+def finished(work: Path, settings: Settings) -> Compact:
+    """The network that a training leaves in ``work``: the averaged weights of the last checkpoint.
+
+    With ``settings.mean_from`` they are the mean of those and of the ones at that step (Izmailov et al.
+    2018): a rate that falls to nothing fits the few real pictures, and the mean takes half of that back.
+    """
+    state = torch.load(work / "checkpoint.pt", weights_only=True)
+    weights = state["slow"]
+    if settings.mean_from and state["step"] > settings.mean_from:
+        anchor = torch.load(work / ANCHOR, weights_only=True)
+        for name, values in weights.items():
+            if values.dtype.is_floating_point:
+                values.lerp_(anchor[name], 0.5)
+    model = build(settings.network_at(state["step"] - 1))
+    model.load_state_dict(weights)
+    return model.eval()
+
+
 def rate(step: int, settings: Settings) -> float:
     """One-cycle rate of each leg: a short warm-up, then a cosine; the last leg goes down to a hundredth."""
     index, start = leg_of(step, settings.schedule)
@@ -104,6 +125,8 @@ def train(batches: Batches, settings: Settings, work: Path, progress: bool = Tru
         optimiser.step()
         average(slow, model, min(settings.average, (step + 1) / (step + 10)))
         step, images, count = step + 1, images + leg.batch, count + 1
+        if step == settings.mean_from:
+            torch.save(slow.state_dict(), work / ANCHOR)
         sums = [sums[0] + first.item(), sums[1] + second.item()]
         minutes = (time.monotonic() - began) / 60
         late = bool(settings.minutes) and minutes > settings.minutes
