@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / "tests" / "media"), str(ROOT / "tests" / "pose_files")]
+sys.path[:0] = [str(ROOT / "tests" / "video"), str(ROOT / "tests" / "pose_files")]
 
 _BATCH = 200
 _BAD = ("crash", "hang", "untyped")
@@ -92,7 +92,7 @@ def _clips(folder: Path, shared: Path) -> Iterator[tuple[str, bytes, int]]:
     """(suffix, bytes, frames) of healthy clips: our own, and those of other makers where present."""
     from clips import make_clips
 
-    from gesture_core.media.reader import open_video
+    from gesture_core.video.reader import open_video
 
     for clip in make_clips(folder):
         yield f".{clip.container}", clip.data, clip.frames

@@ -19,9 +19,9 @@ _PUBLIC = {
     "Prediction": "gesture_core.types",
     "SignalBatch": "gesture_core.types",
     "Signals": "gesture_core.types",
-    "classify_archive": "gesture_core.archive.api",
-    "hookimpl": "gesture_core.plugin.specs",
-    "load_poses": "gesture_core.archive.api",
+    "classify_archive": "gesture_core.run.api",
+    "hookimpl": "gesture_core.plugin.hooks",
+    "load_poses": "gesture_core.run.api",
     "warping_distances": "gesture_core.dtw.distances",
 }
 

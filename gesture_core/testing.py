@@ -27,7 +27,7 @@ from gesture_core.dtw.bands import is_feasible
 from gesture_core.dtw.lanes import used_dimensions
 from gesture_core.dtw.pairs import subset
 from gesture_core.dtw.spec import BandMask, DtwSpec
-from gesture_core.plugin.kinds import DistanceKernel
+from gesture_core.plugin.interfaces import DistanceKernel
 from gesture_core.settings import load_settings, presets
 from gesture_core.types import SignalBatch
 

@@ -11,11 +11,11 @@ from typing import get_args
 import pytest
 from conftest import ROOT
 
-from gesture_core.archive.rows import COLUMNS
 from gesture_core.cli.main import _COMMANDS, app, run
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.demo.motions import GESTURES
-from gesture_core.plugin.kinds import KINDS
+from gesture_core.plugin.interfaces import KINDS
+from gesture_core.run.rows import COLUMNS
 from gesture_core.settings import LimitSettings, load_settings
 from gesture_core.types import Status
 

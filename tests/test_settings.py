@@ -9,8 +9,8 @@ import pytest
 
 from gesture_core.dtw.spec import BandMask
 from gesture_core.errors import ConfigError
-from gesture_core.media.limits import Limits
 from gesture_core.settings import LimitSettings, Settings, load_settings, presets, settings_from_dict
+from gesture_core.video.limits import Limits
 
 
 def load(*sets: str, preset: str | Path | None = "paper", environment: dict[str, str] | None = None, **flags):  # type: ignore[no-untyped-def]

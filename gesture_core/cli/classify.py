@@ -8,10 +8,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gesture_core.archive.run import RunRequest, RunSummary
 from gesture_core.cli.flags import Flags, PoseFlags, RunFlags
 from gesture_core.cli.progress import progress, say_event
 from gesture_core.cli.screen import counted, print_rows, say_assumed, visible
+from gesture_core.run.run import RunRequest, RunSummary
 
 _CLASSES_SHOWN = 30
 
@@ -49,7 +49,7 @@ def execute(
     labels: str = "folder",
 ) -> int:
     """Run what a command asks for, show it, and return the exit code; without examples, only extract."""
-    from gesture_core.archive.pipeline import run_archive
+    from gesture_core.run.pipeline import run_archive
 
     run = run or RunFlags()
     request = RunRequest(

@@ -9,13 +9,13 @@ import tempfile
 from pathlib import Path
 from typing import Annotated
 
-from gesture_core.archive.run import RunRequest
 from gesture_core.cli.classify import say_summary
 from gesture_core.cli.flags import UNSAID, Flags
 from gesture_core.cli.progress import progress
 from gesture_core.cli.screen import result_table
 from gesture_core.cli.targets import check_folder
 from gesture_core.errors import ModelError
+from gesture_core.run.run import RunRequest
 
 
 def demo(
@@ -33,8 +33,8 @@ def demo(
     keypoints
         Classify the OpenPose JSON beside the clips instead of the clips.
     """
-    from gesture_core.archive.pipeline import run_archive
     from gesture_core.demo.archive import write_archive
+    from gesture_core.run.pipeline import run_archive
 
     if out is not None:
         check_folder(out)

@@ -22,8 +22,8 @@ _NAMED = 5
 """Files or labels that a line names; of the others it says that there are some."""
 
 if TYPE_CHECKING:
-    from gesture_core.archive.discovery import Input
     from gesture_core.classify.evaluation import Labelled
+    from gesture_core.run.discovery import Input
     from gesture_core.settings import Settings
 
 
@@ -131,8 +131,8 @@ def _grid(texts: Sequence[str]) -> list[dict[str, Any]]:
 
 def _labelled(sources: Sequence[str], labels: str, out: Path | None) -> list[Input]:
     """The inputs with their labels; those that cannot be read are among them and count as wrong."""
-    from gesture_core.archive.discovery import discover
-    from gesture_core.archive.labels import label_inputs
+    from gesture_core.run.discovery import discover
+    from gesture_core.run.labels import label_inputs
 
     every = discover(sources, avoid=out)
     found = [item for item in every if item.kind != "other"]
@@ -162,7 +162,7 @@ def _labelled(sources: Sequence[str], labels: str, out: Path | None) -> list[Inp
 
 def _examples(items: Sequence[Input], train: str, protocol: str) -> list[bool] | None:
     """Which inputs are the examples of a split."""
-    from gesture_core.archive.labels import search_name
+    from gesture_core.run.labels import search_name
 
     if not train:
         return None
@@ -222,10 +222,10 @@ def _load(
     workers: int,
 ) -> tuple[Labelled, dict[str, Any]]:
     """Keypoints of all inputs with their labels, and what the keypoints were made with."""
-    from gesture_core.archive.fingerprint import pose_identity
-    from gesture_core.archive.probe import require_model
     from gesture_core.classify.evaluation import Labelled
     from gesture_core.cli.keypoints import people_of
+    from gesture_core.run.fingerprint import pose_identity
+    from gesture_core.run.probe import require_model
     from gesture_core.types import PoseSequence
 
     videos = any(item.kind == "video" for item in items)
@@ -258,7 +258,7 @@ def _load(
 
 def _subject(item: Input, pattern: str, *, explicit: bool) -> str:
     """Who performs ``item``; empty where nobody said how to tell."""
-    from gesture_core.archive.labels import halves_a_word, search_name
+    from gesture_core.run.labels import halves_a_word, search_name
 
     if not explicit and "(?P<subject>" not in pattern:
         return ""
@@ -284,8 +284,8 @@ def _subject(item: Input, pattern: str, *, explicit: bool) -> str:
 
 
 def _fingerprint(settings: Settings, identity: Mapping[str, Any], data: Labelled) -> str:
-    from gesture_core.archive.fingerprint import fingerprint, run_configuration
     from gesture_core.dtw.distances import choose_kernel
+    from gesture_core.run.fingerprint import fingerprint, run_configuration
 
     kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)[0]
     tree = run_configuration(settings, identity, [], kernel)

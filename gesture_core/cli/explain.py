@@ -21,10 +21,10 @@ _VOICES = 6
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from gesture_core.archive.discovery import Input
-    from gesture_core.archive.rows import Row
     from gesture_core.classify.estimator import GestureClassifier
     from gesture_core.classify.explanation import Explanation
+    from gesture_core.run.discovery import Input
+    from gesture_core.run.rows import Row
     from gesture_core.settings import Settings
     from gesture_core.types import PoseSequence, Signals
 
@@ -50,9 +50,9 @@ def explain(
     channels
         How many channels to draw; at least twelve are listed.
     """
-    from gesture_core.archive.journal import open_journal
     from gesture_core.classify.explanation import explain as explain_row
     from gesture_core.report.explanation import explanation_plot
+    from gesture_core.run.journal import open_journal
 
     with open_journal(run) as journal:
         rows = list(journal.rows())
@@ -155,7 +155,7 @@ def _keypoints(hashes: dict[str, str], settings: Settings) -> dict[str, list[Pos
 
 def _inputs(names: Iterable[str]) -> list[Input]:
     """The inputs that a run calls so; each container is looked into once."""
-    from gesture_core.archive.discovery import discover
+    from gesture_core.run.discovery import discover
 
     wanted = set(names)
     paths = dict.fromkeys(name.partition("::")[0] for name in names)

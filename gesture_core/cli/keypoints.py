@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gesture_core.archive.discovery import Input
-    from gesture_core.archive.work import Outcome
+    from gesture_core.run.discovery import Input
+    from gesture_core.run.work import Outcome
     from gesture_core.settings import Settings
     from gesture_core.types import PoseSequence
 
@@ -39,10 +39,10 @@ def people_of(
     (position in ``items``, Outcome, list of PoseSequence)
         As they come, in any order. The list is empty where the outcome has a code, or nobody was found.
     """
-    from gesture_core.archive.extraction import extract_all
-    from gesture_core.archive.run import keypoint_store
-    from gesture_core.archive.store import read_keypoints
     from gesture_core.cli.progress import progress
+    from gesture_core.run.extraction import extract_all
+    from gesture_core.run.run import keypoint_store
+    from gesture_core.run.store import read_keypoints
 
     with progress(quiet=quiet) as listener:
         listener.planned(len(items), len(items), 0, "")

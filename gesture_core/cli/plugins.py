@@ -12,7 +12,7 @@ from gesture_core.cli.flags import UNSAID
 from gesture_core.cli.screen import print_table
 from gesture_core.errors import PluginError
 from gesture_core.plugin import registry
-from gesture_core.plugin.kinds import KINDS
+from gesture_core.plugin.interfaces import KINDS
 from gesture_core.plugin.registry import Registration, Registry
 from gesture_core.settings import load_settings
 from gesture_core.settings.values import near

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from gesture_core.archive.rows import Row
-from gesture_core.archive.run import Listener
 from gesture_core.cli.screen import visible
+from gesture_core.run.rows import Row
+from gesture_core.run.run import Listener
 
 _SECONDS_BETWEEN_LINES = 2.0
 

@@ -37,9 +37,9 @@ def render(
     overwrite
         Replace a file that is there.
     """
-    from gesture_core.media.limits import Limits
-    from gesture_core.media.reader import open_video
     from gesture_core.report.overlay import can_write_video, overlay, write_strip, write_video
+    from gesture_core.video.limits import Limits
+    from gesture_core.video.reader import open_video
 
     settings = (flags or PoseFlags()).settings()
     if people is not None:
@@ -64,8 +64,8 @@ def render(
 
 def _people(video: Path, settings: Settings) -> list[PoseSequence]:
     """Everybody in the video, from the keypoint store or extracted in a worker process."""
-    from gesture_core.archive.discovery import discover
     from gesture_core.cli.keypoints import people_of
+    from gesture_core.run.discovery import discover
 
     items = discover([video])
     if len(items) != 1 or items[0].kind != "video":

@@ -17,7 +17,7 @@ from gesture_core.plugin import registry
 from gesture_core.types import SignalBatch, Signals
 
 if TYPE_CHECKING:
-    from gesture_core.plugin.kinds import DistanceKernel
+    from gesture_core.plugin.interfaces import DistanceKernel
 
 CPU_ORDER = ("numba", "jax", "torch", "numpy")
 """Fastest first, as ``benchmarks/kernels.py`` measures them."""

@@ -1,6 +1,6 @@
 """Registers the reference kernel and its vectorised fallback."""
 
-from gesture_core.plugin.specs import Register, hookimpl
+from gesture_core.plugin.hooks import Register, hookimpl
 
 
 @hookimpl

@@ -8,7 +8,7 @@ import numpy as np
 
 from gesture_core.dtw.bounds import MARGIN
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.plugin.kinds import DistanceKernel
+from gesture_core.plugin.interfaces import DistanceKernel
 from gesture_core.types import SignalBatch
 
 

@@ -16,7 +16,7 @@ from gesture_core.dtw.lanes import used_dimensions
 from gesture_core.dtw.pairs import distances_within, subset
 from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError
-from gesture_core.plugin.kinds import DistanceKernel
+from gesture_core.plugin.interfaces import DistanceKernel
 from gesture_core.types import Neighbors, SignalBatch, Signals
 
 ROUND = 32

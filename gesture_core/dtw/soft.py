@@ -13,7 +13,7 @@ from gesture_core.dtw.lanes import used_dimensions
 from gesture_core.dtw.pairs import pair_distances
 from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.plugin.kinds import DistanceKernel
+from gesture_core.plugin.interfaces import DistanceKernel
 from gesture_core.types import SignalBatch, Signals
 
 

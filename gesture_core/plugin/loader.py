@@ -11,11 +11,11 @@ from typing import Any
 
 import pluggy
 
-from gesture_core.plugin import specs
-from gesture_core.plugin.kinds import KINDS
+from gesture_core.plugin import hooks
+from gesture_core.plugin.interfaces import KINDS
 from gesture_core.plugin.registry import Fault, Origin, Registry
 
-GROUP = specs.PROJECT
+GROUP = hooks.PROJECT
 _KIND_OF_HOOK = {kind.hook: name for name, kind in KINDS.items()}
 
 
@@ -47,7 +47,7 @@ def _distribution(point: EntryPoint) -> str:
 def register_module(found: Registry, module: Any, origin: Origin) -> None:
     """Call every hook that ``module`` implements; unknown hooks and raising ones become faults."""
     manager = pluggy.PluginManager(GROUP)
-    manager.add_hookspecs(specs)
+    manager.add_hookspecs(hooks)
     try:
         manager.register(module, origin.entry_point)
     except (pluggy.PluginValidationError, ValueError) as error:

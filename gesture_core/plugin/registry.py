@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gesture_core.errors import ConfigError, GestureError, MissingDependencyError, PluginError
-from gesture_core.plugin.kinds import KINDS
+from gesture_core.plugin.interfaces import KINDS
 
 _OURS = "gesture-core"
 _NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")

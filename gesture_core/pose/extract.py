@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.plugin.kinds import PoseBackend
+from gesture_core.plugin.interfaces import PoseBackend
 from gesture_core.pose.follow import Follower
 from gesture_core.pose.steady import Steady
 from gesture_core.pose.tracks import Tracker
@@ -70,7 +70,7 @@ def extract_poses(
     ----------
     frames : iterable of (seconds, frame)
         Frames (H, W, 3) uint8 in BGR, upright, times not descending; a
-        `gesture_core.media.reader.VideoReader` is one.
+        `gesture_core.video.reader.VideoReader` is one.
     backend : PoseBackend
     people : "single" or "multi"
         One sequence with the most visible person of each frame, or one for each person tracked.

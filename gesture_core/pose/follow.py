@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.plugin.kinds import Person, PoseBackend
+from gesture_core.plugin.interfaces import Person, PoseBackend
 from gesture_core.pose.body import Anatomy, Body, Window
 from gesture_core.pose.contracts import ModelContract
 from gesture_core.skeletons import skeleton

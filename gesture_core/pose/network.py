@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gesture_core.errors import ModelError, PoseError
-from gesture_core.plugin.kinds import Person
+from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.contracts import ModelContract
 from gesture_core.pose.decode import Found, decode
 from gesture_core.pose.fields import AssemblyRules

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.plugin.kinds import Person
+from gesture_core.plugin.interfaces import Person
 
 
 @dataclass(frozen=True, eq=False)

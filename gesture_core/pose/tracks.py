@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gesture_core.plugin.kinds import Person
+from gesture_core.plugin.interfaces import Person
 
 
 @dataclass

@@ -109,8 +109,8 @@ def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> 
     MissingDependencyError
         Where matplotlib is not installed.
     """
-    from gesture_core.archive.atomic import replacing
-    from gesture_core.archive.writers import CsvWriter
+    from gesture_core.run.atomic import replacing
+    from gesture_core.run.writers import CsvWriter
 
     folder.mkdir(parents=True, exist_ok=True)
     paths = {"numbers": folder / "evaluation.json", "answers": folder / "answers.csv"}

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.archive.atomic import replacing
 from gesture_core.errors import MediaError
+from gesture_core.run.atomic import replacing
 from gesture_core.skeletons import Skeleton, skeleton
 from gesture_core.types import PoseSequence
 

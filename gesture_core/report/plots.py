@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gesture_core.archive.atomic import replacing
 from gesture_core.errors import MissingDependencyError
+from gesture_core.run.atomic import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,7 +12,7 @@ from gesture_core.errors import ConfigError
 
 def presets() -> tuple[str, ...]:
     """Names of the presets in the package."""
-    folder = files("gesture_core") / "presets"
+    folder = files("gesture_core.settings") / "presets"
     return tuple(sorted(item.name[:-5] for item in folder.iterdir() if item.name.endswith(".toml")))
 
 
@@ -26,7 +26,7 @@ def preset_tree(name: str) -> dict[str, Any]:
     """
     try:
         if name in presets():
-            text = (files("gesture_core") / "presets" / f"{name}.toml").read_text("utf-8")
+            text = (files("gesture_core.settings") / "presets" / f"{name}.toml").read_text("utf-8")
         else:
             text = Path(name).read_text("utf-8")
         return tomllib.loads(text)

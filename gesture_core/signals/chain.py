@@ -10,7 +10,7 @@ import numpy as np
 
 from gesture_core.errors import GestureError, PluginError, PoseError, SignalError
 from gesture_core.plugin import registry
-from gesture_core.plugin.kinds import Filter, Normalizer, Selector
+from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
 from gesture_core.skeletons import COCO18
 from gesture_core.types import PoseSequence, Signals

@@ -13,7 +13,6 @@ from sklearn.linear_model import Ridge
 from swings import pose, swing
 
 from gesture_core import GestureClassifier, classify_archive
-from gesture_core.archive.run import RunSummary
 from gesture_core.classify import estimator
 from gesture_core.classify.decide import decide
 from gesture_core.classify.evaluation import Labelled, evaluate
@@ -23,6 +22,7 @@ from gesture_core.classify.neighbors import votes_of
 from gesture_core.classify.weighing import Weighing, learn_weights
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
+from gesture_core.run.run import RunSummary
 from gesture_core.settings import load_settings
 
 ALL = load_settings("modern", ["neighbors=0"], environment={})

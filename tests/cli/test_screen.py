@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gesture_core.archive.rows import Row
 from gesture_core.cli.screen import counted, keypoint_table, print_reasons, result_table, visible
+from gesture_core.run.rows import Row
 
 
 def rows() -> list[Row]:

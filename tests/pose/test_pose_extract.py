@@ -10,7 +10,7 @@ import numpy as np
 from tiny_networks import FIGURE, GREY, constant, dot_network, dot_picture, random_maps
 
 from gesture_core.plugin import registry
-from gesture_core.plugin.kinds import Person
+from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.extract import extract_poses, open_backend
 from gesture_core.pose.follow import Follower, FollowRules
 from gesture_core.pose.models import find_model

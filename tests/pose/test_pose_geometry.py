@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gesture_core.plugin.kinds import Person
+from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.body import BELOW, SHOULDERS, Anatomy, Body, Window
 from gesture_core.pose.contracts import ModelContract
 from gesture_core.pose.heatmaps import find_peaks, top_peaks

@@ -17,7 +17,6 @@ import onnx
 import pytest
 from tiny_networks import dot_network, random_maps
 
-from gesture_core.archive.fingerprint import pose_identity, pose_keys
 from gesture_core.cli.main import run
 from gesture_core.errors import GestureError, ModelError
 from gesture_core.pose import model_file
@@ -25,6 +24,7 @@ from gesture_core.pose.added import added_names, read_card
 from gesture_core.pose.adding import add_model, verify_models
 from gesture_core.pose.known import known_models
 from gesture_core.pose.models import find_model
+from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.settings import load_settings
 
 

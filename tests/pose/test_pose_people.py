@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiny_networks import FIGURE
 
-from gesture_core.plugin.kinds import Person
+from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.fields import LIMBS, AssemblyRules, assemble, find_peaks, limb_scores
 from gesture_core.pose.tracks import Tracker
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tiny_networks import FIGURE
 
-from gesture_core.plugin.kinds import Person
+from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.extract import extract_poses
 from gesture_core.pose.sighting import Sighting, moved
 from gesture_core.pose.steady import Steady, SteadyRules

@@ -14,7 +14,9 @@ for _module in ("torch", "onnx", "onnxruntime", "cv2", "rich", "scipy"):
     pytest.importorskip(_module, reason=f"the training needs {_module}: pip install 'gesture-core[train]'")
 
 import torch  # noqa: E402
-from gesture_pose_onnx.training import (  # noqa: E402
+
+from gesture_core.errors import ConfigError, ModelError  # noqa: E402
+from training import (  # noqa: E402
     augment,
     decode,
     evaluate,
@@ -28,14 +30,12 @@ from gesture_pose_onnx.training import (  # noqa: E402
     skirts,
     swing,
 )
-from gesture_pose_onnx.training import settings as settings_module  # noqa: E402
-from gesture_pose_onnx.training.batches import Batches, leg_of  # noqa: E402
-from gesture_pose_onnx.training.cutout import PERSON, cut_out  # noqa: E402
-from gesture_pose_onnx.training.grow import grow  # noqa: E402
-from gesture_pose_onnx.training.store import Store, Writer  # noqa: E402
-from gesture_pose_onnx.training.train import finished, train  # noqa: E402
-
-from gesture_core.errors import ConfigError, ModelError  # noqa: E402
+from training import settings as settings_module  # noqa: E402
+from training.batches import Batches, leg_of  # noqa: E402
+from training.cutout import PERSON, cut_out  # noqa: E402
+from training.grow import grow  # noqa: E402
+from training.store import Store, Writer  # noqa: E402
+from training.train import finished, train  # noqa: E402
 
 TINY = {
     "seed": 3,

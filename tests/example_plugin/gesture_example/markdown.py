@@ -1,6 +1,6 @@
 """A result writer: a table for a report."""
 
-from gesture_core.archive.atomic import replacing
+from gesture_core.run.atomic import replacing
 
 
 class MarkdownWriter:

@@ -1,0 +1,182 @@
+"""The kinds of plugin, and the Protocol that the classes of each kind fulfil.
+
+A plugin's class is constructed with its options as keyword arguments, so that a frozen dataclass
+is the natural form. Its options, with their defaults, are then visible to `gesture plugins`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+
+    from gesture_core.dtw.spec import DtwSpec
+    from gesture_core.run.work import Job, Outcome, Task
+    from gesture_core.types import PoseSequence, SignalBatch, Signals
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of plugin: its name in the registry, its hook, and its name in sentences.
+
+    ``given`` are parameters that the program fills in, so that they are no options.
+    """
+
+    name: str
+    hook: str
+    title: str
+    given: tuple[str, ...] = ()
+
+
+KINDS: Mapping[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind("pose", "register_pose_backends", "pose backend", ("model",)),
+        Kind("reader", "register_keypoint_readers", "keypoint reader"),
+        Kind("normalizer", "register_normalizers", "normalizer"),
+        Kind("filter", "register_filters", "filter"),
+        Kind("selector", "register_selectors", "dimension selector"),
+        Kind("kernel", "register_distance_kernels", "distance kernel"),
+        Kind("writer", "register_result_writers", "result writer"),
+        Kind("engine", "register_engines", "execution engine", ("workers", "limits")),
+    )
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """One person in one picture, as a pose backend found them.
+
+    Attributes
+    ----------
+    keypoints : (J, 2) float array
+        Pixels of the frame that was passed in; NaN where missing.
+    scores : (J,) float array
+        Confidence in 0..1.
+    """
+
+    keypoints: np.ndarray
+    scores: np.ndarray
+
+
+class PoseBackend(Protocol):
+    """Finds people in pictures. Constructed with ``model`` (a `pose.models.ModelFile`) and options."""
+
+    skeleton: str
+    batch_size: int
+
+    def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
+        """People in each of ``frames``, each (H, W, 3) uint8 in BGR, best person first.
+
+        ``people`` is ``"single"`` (at most one for each frame) or ``"multi"``.
+        """
+        ...
+
+
+class KeypointReader(Protocol):
+    """Reads ready-made keypoint files.
+
+    A reader whose options include ``fps`` or ``people`` is given those of the section [pose]. What a
+    file does not say and the reader assumes, such as the frames a second, is named in
+    ``PoseSequence.provenance["assumed"]``; the end of a run says for how many files.
+    """
+
+    def accepts(self, path: Path) -> bool:
+        """Whether this reader takes ``path``, a file or a folder, judged cheaply by name and first bytes.
+
+        A file at which this fails, and that no other reader takes, gets an error row.
+        """
+        ...
+
+    def members(self, path: Path) -> list[str]:
+        """Names of the sequences inside ``path``, in a stable order; ``[""]`` where it is one sequence."""
+        ...
+
+    def read(self, path: Path, member: str = "") -> list[PoseSequence]:
+        """One sequence for each person in ``member`` of ``path``; a KeypointError says what is wrong."""
+        ...
+
+
+class Normalizer(Protocol):
+    """Brings keypoints into the body's own frame of reference."""
+
+    def normalize(self, pose: PoseSequence) -> np.ndarray:
+        """(T, 18, 2) coordinates in body units from a COCO-18 ``pose``; NaN stays NaN."""
+        ...
+
+
+class Filter(Protocol):
+    """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out.
+
+    A filter that adds, drops or reorders channels does so with ``mask`` and ``present`` too: a
+    channel is salient, or there, where what it is made of is. Names tell later stages what a channel is:
+    ``left_`` and ``right_`` in front change places in a mirror, which turns what ends in ``_x`` (before
+    a ``.`` or ``@``) round; channels whose names differ only in side and axis are one part of the body
+    for ``classify.separate``. So ``left_wrist.speed`` is mirrored, ``speed_left_wrist`` is not.
+    """
+
+    def apply(self, signals: Signals) -> Signals:
+        """The filtered signals; the input is read-only."""
+        ...
+
+
+class Selector(Protocol):
+    """Chooses the salient dimensions of one sequence."""
+
+    def select(self, signals: Signals) -> np.ndarray:
+        """(D,) bool mask from the normalised, unfiltered ``signals``."""
+        ...
+
+
+@runtime_checkable
+class DistanceKernel(Protocol):
+    """Computes warping distances in batches: prepare once, compute many.
+
+    Constructed without options or with them as keywords. The same pair must give the same bits in
+    whatever batch it travels.
+    """
+
+    def supports(self, spec: DtwSpec) -> bool:
+        """Whether this kernel computes distances under ``spec``."""
+        ...
+
+    def prepare(self, examples: SignalBatch, spec: DtwSpec) -> Any:
+        """Whatever is worth computing once for ``examples``."""
+        ...
+
+    def distances(self, state: Any, queries: SignalBatch) -> np.ndarray:
+        """(Q, N) float array; infinity where a pair has no dimension in common, never NaN."""
+        ...
+
+
+class ResultWriter(Protocol):
+    """Writes the rows of a run to a file."""
+
+    suffix: str
+
+    def write(self, rows: Iterator[dict[str, Any]], columns: Sequence[str], path: Path) -> None:
+        """Write ``rows``, dicts with the keys ``columns``, to ``path``."""
+        ...
+
+
+class ExecutionEngine(Protocol):
+    """Runs one job over many tasks. Constructed with ``workers`` and ``limits``.
+
+    `run` is called once for the examples and once for the queries of a run, with the same job. An
+    engine that keeps something between the two has a method ``close``, which ends it.
+    """
+
+    def run(
+        self, job: Job, tasks: Sequence[Task], on_frames: Callable[[Task, int], None]
+    ) -> Iterator[Outcome]:
+        """Yield one outcome for every task, in any order.
+
+        ``on_frames(task, n)`` is called as frames are done, for progress. A task that fails, hangs
+        or kills its process yields an outcome that says so; it never ends the others.
+        """
+        ...

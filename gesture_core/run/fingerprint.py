@@ -1,0 +1,142 @@
+"""Everything that decides a result, as one tree, and its hash."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import gesture_core
+from gesture_core.errors import ModelError
+from gesture_core.plugin import registry
+from gesture_core.run.discovery import Input
+from gesture_core.run.hashing import settings_sha256
+from gesture_core.settings import Settings
+
+
+def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
+    """What decides the keypoints of an input, apart from its content.
+
+    Parameters
+    ----------
+    settings : Settings
+    with_model : bool
+        False where no input is a video; then the model may be missing.
+
+    Returns
+    -------
+    dict
+        ``video`` and ``readers``, the latter by name; see `pose_keys`.
+    """
+    from gesture_core.pose.extract import REVISION
+    from gesture_core.pose.models import find_model
+    from gesture_core.video.reader import reader_name
+
+    plugins = registry()
+    pose = settings.as_dict()["pose"]
+    shared = {name: pose[name] for name in ("fps", "people", "score")}
+    del pose["fps"]
+    try:
+        found = find_model(settings.pose.model)
+        model = {"sha256": found.sha256, "contract": found.contract.as_table() if found.contract else None}
+    except ModelError:
+        if with_model:
+            raise
+        model = None
+    video = {
+        "package": gesture_core.__version__,
+        "extraction": REVISION,
+        "settings": pose,
+        "backend": str(plugins.find("pose", settings.pose.backend).origin),
+        "options": settings.plugin_options(settings.pose.backend),
+        "reader": reader_name(settings.pose.reader),
+        "model": model,
+    }
+    readers = {
+        name: {
+            "origin": str(plugins.find("reader", name).origin),
+            "options": settings.plugin_options(name),
+            **shared,
+        }
+        for name in plugins.names("reader", usable=True)
+    }
+    return {"video": video, "readers": readers}
+
+
+def pose_keys(identity: Mapping[str, Any]) -> dict[str, str]:
+    """For videos (``video``) and each keypoint reader (its name): the part of a name in the store."""
+    return {
+        "video": fingerprint(identity["video"]),
+        **{f"reader {name}": fingerprint(tree) for name, tree in identity["readers"].items()},
+    }
+
+
+def run_configuration(
+    settings: Settings,
+    identity: Mapping[str, Any],
+    examples: Sequence[tuple[Input, str]],
+    kernel: str,
+) -> dict[str, Any]:
+    """What decides the result of a run; ``examples`` come with their content hashes.
+
+    Without a ``kernel`` nothing is compared, and only what decides the keypoints counts.
+    """
+    if not kernel:
+        pose = {"pose": settings.as_dict()["pose"]}
+        return {"settings": pose, "keypoints": dict(identity), "plugins": {}, "examples": {}}
+    plugins = registry()
+    chosen = settings.signals
+    steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
+    steps += [("filter", name.partition(":")[0]) for name in chosen.filters]
+    steps += [("kernel", kernel)]
+    tree = settings.as_dict()
+    del tree["limits"]
+    tree["classify"]["kernel"] = kernel
+    return {
+        "settings": tree,
+        "keypoints": dict(identity),
+        "plugins": {f"{kind} {name}": str(plugins.find(kind, name).origin) for kind, name in steps},
+        "examples": {item.name: {"label": item.label, "sha256": sha256} for item, sha256 in examples},
+    }
+
+
+def fingerprint(configuration: Mapping[str, Any]) -> str:
+    """Sixteen hexadecimal digits that change when anything in ``configuration`` does."""
+    return settings_sha256(configuration)[:16]
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """What changed between two configurations, one line each: ``key: old -> new``.
+
+    Settings come first, by the keys that ``--set`` takes; of a plugin only another version is said,
+    because a setting says that another one was chosen.
+    """
+    before, after = _said(old), _said(new)
+    lines = []
+    for key in sorted(before.keys() | after.keys()):
+        one, other = before.get(key, _ABSENT), after.get(key, _ABSENT)
+        if one != other and not (key[1].startswith("plugin ") and _ABSENT in (one, other)):
+            lines.append(f"{key[1]}: {one} -> {other}")
+    return lines
+
+
+_ABSENT = "(absent)"
+
+
+def _said(configuration: Mapping[str, Any]) -> dict[tuple[int, str], Any]:
+    """What a user is told of a configuration, by rank and key."""
+    tree = dict(configuration)
+    settings, plugins, examples = (tree.pop(part, {}) for part in ("settings", "plugins", "examples"))
+    said = {(0, ".".join(path).removeprefix("options.")): value for path, value in _leaves(settings)}
+    said |= {(1, f"plugin {name}"): origin for name, origin in plugins.items()}
+    said |= {(2, " ".join(path)): value for path, value in _leaves(tree)}
+    for name, known in examples.items():
+        said[3, f"example {name}"] = f"{known['label']} ({known['sha256'][:12]})"
+    return said
+
+
+def _leaves(tree: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    if isinstance(tree, Mapping):
+        for key, value in tree.items():
+            yield from _leaves(value, (*path, key))
+    else:
+        yield path, tree

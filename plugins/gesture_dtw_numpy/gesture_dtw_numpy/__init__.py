@@ -1,0 +1,1 @@
+"""Warping-distance kernels on NumPy."""

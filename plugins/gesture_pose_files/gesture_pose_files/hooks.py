@@ -1,0 +1,22 @@
+"""Registers the readers of ready-made keypoint files."""
+
+from gesture_core.plugin.hooks import Register, hookimpl
+
+
+@hookimpl
+def register_keypoint_readers(register: Register) -> None:
+    register(
+        "openpose-json",
+        "gesture_pose_files.openpose_json:OpenPoseJsonReader",
+        summary="a folder of OpenPose *_keypoints.json files, versions 0.1 to 1.3",
+    )
+    register(
+        "arrays",
+        "gesture_pose_files.arrays:ArrayReader",
+        summary="keypoints in .npz or .npy arrays, COCO, BODY_25, MPI or MediaPipe layout",
+    )
+    register(
+        "csv",
+        "gesture_pose_files.csv_table:CsvReader",
+        summary="keypoints in CSV, with or without a header",
+    )

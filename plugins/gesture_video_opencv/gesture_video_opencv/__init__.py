@@ -1,0 +1,1 @@
+"""Video reader on OpenCV."""

@@ -1,0 +1,140 @@
+"""Labels from tables as people write them: other separators, capitals, spaces, accents, mistakes."""
+
+from __future__ import annotations
+
+import unicodedata
+from pathlib import Path
+
+import pytest
+
+from gesture_core.errors import ConfigError, InputError
+from gesture_core.run.discovery import Input, discover
+from gesture_core.run.labels import label_inputs
+
+
+@pytest.fixture
+def clips(tmp_path: Path) -> list[Input]:
+    """``wave/bén 2.avi`` and ``clap/1.avi``."""
+    for name in ("wave/bén 2.avi", "clap/1.avi"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+    return discover([tmp_path])
+
+
+def labels(clips: list[Input], table: Path, text: str) -> list[str | None]:
+    table.write_text(text, encoding="utf-8")
+    return [item.label for item in label_inputs(clips, str(table), [table.parent])]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "path;label\nclap/1.avi;no\nwave/bén 2.avi;yes\n",
+        "path\tlabel\r\nclap/1.avi\tno\r\nwave/bén 2.avi\tyes\r\n",
+        "\ufefflabel,File\nno,clap/1.avi\n yes ,wave/bén 2.avi\n\n",
+        'Path, Label\nclap/1.avi, no\n"wave/bén 2.avi", yes\n',
+        unicodedata.normalize("NFD", "path,label\nclap/1.avi,no\nwave/bén 2.avi,yes\n"),
+    ],
+)
+def test_tables_of_spreadsheets_and_other_systems(clips: list[Input], tmp_path: Path, text: str) -> None:
+    assert labels(clips, tmp_path / "labels.csv", text) == ["no", "yes"]
+    if text == unicodedata.normalize("NFC", text):  # a path that is opened is spelled as it is
+        assert {item.label for item in discover([tmp_path / "labels.csv"])} == {"no", "yes"}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("path,label\nclap/1.avi,no\n", "has no line for it"),
+        ("path,label\nclap/1.avi,no\nwave/ben 2.avi,yes\n", r"has no line for it.*'wave/ben 2\.avi' is near"),
+        ("path,label\nclap/1.avi,no\nwave/bén 2.avi,\n", "its line there has no label"),
+        ("path,gesture\nclap/1.avi,no\n", r"no column 'label', but path, gesture"),
+        ("clip,label\nclap/1.avi,no\n", r"no column 'path', but clip, label"),
+        ("", "is empty"),
+    ],
+)
+def test_what_a_table_lacks_is_said(clips: list[Input], tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said) as caught:
+        labels(clips, tmp_path / "labels.csv", text)
+    assert caught.value.code == "E_LABELS"
+
+
+def test_a_line_is_near_by_its_own_path_and_not_by_the_folder_of_all(
+    clips: list[Input], tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match="has no line for it; try"):
+        labels(clips, tmp_path / "labels.csv", "path,label\nclap/1.avi,no\n")
+
+
+def test_other_encodings_and_endless_names_are_mistakes(clips: list[Input], tmp_path: Path) -> None:
+    table = tmp_path / "labels.csv"
+    text = "path,label\nclap/1.avi,no\n"
+    table.write_bytes(text.encode("utf-16"))
+    with pytest.raises(ConfigError, match=r"is not text in UTF-8; try: saving it as UTF-8"):
+        label_inputs(clips, str(table), [tmp_path])
+    for name, data in (("a.csv", text.encode() + b"clap\0/2.avi,no\n"), ("a.txt", "clap".encode("utf-16"))):
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(InputError, match=r"E_MANIFEST .*is not text in UTF-8; try: saving it as UTF-8"):
+            discover([tmp_path / name])
+    (tmp_path / "a.csv").write_bytes(text.replace("no", "grüßen").encode("cp1252"))
+    with pytest.raises(InputError, match=r"E_MANIFEST .*is not text in UTF-8"):
+        discover([tmp_path / "a.csv"])
+    (tmp_path / "a.csv").write_text(f"{text}{'x' * 300},no\n")
+    with pytest.raises(InputError, match=r"E_NOT_FOUND .*no such file"):
+        discover([tmp_path / "a.csv"])
+
+
+def test_two_labels_for_one_clip_are_refused(clips: list[Input], tmp_path: Path) -> None:
+    twice = "path,label\nclap/1.avi,no\nwave/bén 2.avi,yes\n./clap/1.avi,{}\n"
+    assert labels(clips, tmp_path / "labels.csv", twice.format("no")) == ["no", "yes"]
+    with pytest.raises(InputError, match=r"is listed as no and as yes.*one line for it") as caught:
+        labels(clips, tmp_path / "labels.csv", twice.format("yes"))
+    assert caught.value.code == "E_CONTRADICTION"
+
+
+def test_one_word_spelled_in_two_ways_is_one_label(tmp_path: Path) -> None:
+    for number, form in enumerate(("NFC", "NFD")):
+        folder = tmp_path / str(number) / unicodedata.normalize(form, "grüßen")
+        folder.mkdir(parents=True)
+        (folder / "1.avi").touch()
+    roots = [tmp_path / "0", tmp_path / "1"]
+    found = label_inputs(discover(roots), "folder", roots)
+    assert [item.label for item in found] == [unicodedata.normalize("NFC", "grüßen")] * 2
+
+
+@pytest.mark.parametrize(
+    ("name", "expression", "found"),
+    [
+        ("张三挥手1.avi", "(挥手)", "挥手"),  # words without spaces between them
+        ("手势wave_1.avi", "(wave)_", "wave"),
+        ("andrés01.avi", "s([0-9]+)", "01"),
+    ],
+)
+def test_a_label_beside_another_writing_is_whole(
+    tmp_path: Path, name: str, expression: str, found: str
+) -> None:
+    (tmp_path / name).touch()
+    assert label_inputs(discover([tmp_path]), expression, [tmp_path])[0].label == found
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+@pytest.mark.parametrize("expression", ["(?P<label>[a-z]+)_", "^(?P<label>[a-z]+)", "([a-z]+)_1"])
+def test_half_a_word_is_no_label(tmp_path: Path, form: str, expression: str) -> None:
+    (tmp_path / unicodedata.normalize(form, "grüßen_1.avi")).touch()
+    items = discover([tmp_path])
+    with pytest.raises(ConfigError, match=r"E_LABELS .* finds '(gr|gru|en)' inside a word of .*avi; try: "):
+        label_inputs(items, expression, [tmp_path])
+    assert [item.label for item in label_inputs(items, r"^(?P<label>.+?)_", [tmp_path])] == ["grüßen"]
+    (tmp_path / "waves_1.avi").touch()
+    assert label_inputs(discover([tmp_path / "waves_1.avi"]), "(wave)", [tmp_path])[0].label == "wave"
+
+
+def test_a_folder_inside_another_keeps_its_own_line(clips: list[Input], tmp_path: Path) -> None:
+    (tmp_path / "list.csv").write_text("path,label\n.,all\nclap,clap\n")
+    with pytest.raises(InputError, match=r"1\.avi: is listed as all and as clap"):
+        discover([tmp_path / "list.csv"])
+
+
+def test_a_clip_above_the_folders_of_labels_is_told_so(clips: list[Input]) -> None:
+    with pytest.raises(ConfigError, match=r"it lies in no folder below .*clap"):
+        label_inputs(clips, "folder", [clips[0].path.parent])
