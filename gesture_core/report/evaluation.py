@@ -109,7 +109,7 @@ def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> 
     MissingDependencyError
         Where matplotlib is not installed.
     """
-    from gesture_core.run.atomic import replacing
+    from gesture_core.files import replacing
     from gesture_core.run.writers import CsvWriter
 
     folder.mkdir(parents=True, exist_ok=True)

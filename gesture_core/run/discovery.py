@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
+from gesture_core.files import printable
 from gesture_core.run import journal, lock
-from gesture_core.run.manifests import printable, read_manifest
+from gesture_core.run.manifests import read_manifest
 from gesture_core.run.readers import Readers
 from gesture_core.run.sandbox import Sandbox
 from gesture_core.settings import LimitSettings

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import GestureError, PluginError
+from gesture_core.files import replacing
 from gesture_core.plugin import registry
-from gesture_core.run.atomic import replacing
 from gesture_core.run.child import MEMORY
 from gesture_core.run.journal import Journal, open_journal
 from gesture_core.run.rows import COLUMNS

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
+from gesture_core.files import content_sha256, stamp, tree_sha256
 from gesture_core.plugin import registry
-from gesture_core.run.hashing import content_sha256, settings_sha256, stamp
 from gesture_core.run.probe import probe
 from gesture_core.run.pruning import mark_used
 from gesture_core.run.store import read_keypoints, write_keypoints
@@ -83,7 +83,7 @@ class Extractor:
     def _name(self, task: Task, sha256: str) -> str:
         """File name in the store: content, then what decides the keypoints."""
         maker = "video" if task.kind == "video" else f"reader {task.reader}"
-        key = settings_sha256([self._job.keys[maker], task.member])
+        key = tree_sha256([self._job.keys[maker], task.member])
         return f"{sha256[:2]}/{sha256[:32]}-{key[:16]}.parquet"
 
     def _from_store(self, task: Task, outcome: Outcome) -> Outcome | None:

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from gesture_core.run.atomic import replacing
+from gesture_core.files import replacing
 from gesture_core.run.discovery import Input
 from gesture_core.run.journal import Journal
 

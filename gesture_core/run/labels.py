@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gesture_core.errors import ConfigError, InputError
+from gesture_core.files import printable
 from gesture_core.run.journal import FILE_NAME
-from gesture_core.run.manifests import NO_TEXT, SAVE_AS_TEXT, lacking, printable, read_manifest
+from gesture_core.run.manifests import NO_TEXT, SAVE_AS_TEXT, lacking, read_manifest
 
 if TYPE_CHECKING:
     from gesture_core.run.discovery import Input

@@ -8,14 +8,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from gesture_core.errors import InputError
+from gesture_core.files import printable
 
 NO_TEXT, SAVE_AS_TEXT = "is not text in UTF-8", "saving it as UTF-8"
 _PATH_COLUMNS = ("path", "input", "file", "video")
-
-
-def printable(text: str) -> str:
-    """``text`` with bytes that are no UTF-8 written as ``\\xNN``, fit for SQLite and JSON."""
-    return os.fsencode(text).decode("utf-8", "backslashreplace") if os.name == "posix" else text
 
 
 def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:

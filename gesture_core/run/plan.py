@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import ConfigError, InputError
+from gesture_core.files import content_sha256, stamp
 from gesture_core.plugin import registry
 from gesture_core.run.deciding import Decider, Deciding
 from gesture_core.run.discovery import FRAMES, PICTURE_SUFFIXES, Input, discover
 from gesture_core.run.fingerprint import differences, fingerprint, pose_identity, run_configuration
 from gesture_core.run.guarded import decider
-from gesture_core.run.hashing import content_sha256, stamp
 from gesture_core.run.journal import Journal
 from gesture_core.run.keypoint_files import KeypointFiles
 from gesture_core.run.labels import label_folders, label_inputs

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from gesture_core.errors import ModelError, PoseError, RunFolderError
-from gesture_core.paths import cache_dir
+from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin import registry
 from gesture_core.plugin.interfaces import PoseBackend
 from gesture_core.pose.models import find_model
-from gesture_core.run.hashing import settings_sha256
 from gesture_core.run.run import keypoint_store
 from gesture_core.run.work import Job, Task
 from gesture_core.settings import Settings
@@ -37,7 +36,7 @@ def require_model(settings: Settings, identity: Mapping[str, Any], engine: str =
     RunFolderError
         ``E_STORE_WRITE`` where the cache cannot be written.
     """
-    mark = cache_dir() / "probed" / settings_sha256(identity["video"])[:32]
+    mark = cache_dir() / "probed" / tree_sha256(identity["video"])[:32]
     if mark.exists():
         return
     try:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from gesture_core.run.atomic import TEMPORARY
+from gesture_core.files import TEMPORARY
 
 SPARED_SECONDS = 86_400.0
 """What was used in the last day stays, whatever the limit: another run may be about to read it."""

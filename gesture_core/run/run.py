@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gesture_core.dtw.cores import usable_cores
-from gesture_core.paths import cache_dir
+from gesture_core.files import cache_dir
 from gesture_core.run.journal import open_journal
 from gesture_core.run.rows import Row
 from gesture_core.settings import Settings

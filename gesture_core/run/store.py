@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_core.run.atomic import replacing
+from gesture_core.files import replacing
 from gesture_core.skeletons import COCO18, skeleton
 from gesture_core.types import PoseSequence
 

@@ -17,7 +17,7 @@ from troubles import write_archive, write_clip
 
 from gesture_core import classify_archive, load_poses
 from gesture_core.errors import RunFolderError
-from gesture_core.run.atomic import TEMPORARY
+from gesture_core.files import TEMPORARY
 from gesture_core.run.discovery import discover
 from gesture_core.run.journal import open_journal
 from gesture_core.run.lock import run_lock

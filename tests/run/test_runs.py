@@ -19,7 +19,7 @@ from distributions import gesture, make_distribution
 from gesture_core import classify_archive, load_poses
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, GestureError, InputError, RunFolderError
-from gesture_core.run.atomic import TEMPORARY
+from gesture_core.files import TEMPORARY
 from gesture_core.run.journal import open_journal
 from gesture_core.run.lock import run_lock
 from gesture_core.run.rows import Row

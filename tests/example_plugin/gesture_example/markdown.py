@@ -1,6 +1,6 @@
 """A result writer: a table for a report."""
 
-from gesture_core.run.atomic import replacing
+from gesture_core.files import replacing
 
 
 class MarkdownWriter:
