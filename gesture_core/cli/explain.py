@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from gesture_core.classify.estimator import GestureClassifier
     from gesture_core.classify.explanation import Explanation
     from gesture_core.run.discovery import Input
-    from gesture_core.run.rows import Row
     from gesture_core.settings import Settings
-    from gesture_core.types import PoseSequence, Signals
+    from gesture_core.types import PoseSequence, Row, Signals
 
 
 Channels = Annotated[Whole, Parameter(validator=validators.Number(gte=1))]

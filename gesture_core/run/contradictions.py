@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gesture_core.run.discovery import Input
-from gesture_core.run.rows import Row
+from gesture_core.types import Row
 
 
 def contradictions(examples: Sequence[Input], hashes: Mapping[bytes, str]) -> dict[bytes, Input]:

@@ -13,9 +13,9 @@ from gesture_core.files import replacing
 from gesture_core.plugin import registry
 from gesture_core.run.child import MEMORY
 from gesture_core.run.journal import Journal, open_journal
-from gesture_core.run.rows import COLUMNS
 from gesture_core.run.sandbox import Sandbox, SandboxDeath
 from gesture_core.settings import LimitSettings
+from gesture_core.types import COLUMNS
 
 _SECONDS_BETWEEN_SIGNS = 0.5
 

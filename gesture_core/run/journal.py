@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import RunFolderError
-from gesture_core.run.rows import COLUMNS, Row
+from gesture_core.types import COLUMNS, Row
 
 FILE_NAME = "run.db"
 _VERSION = 2

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from gesture_core.errors import ConfigError, GestureError, InputError, RunFolderError
-from gesture_core.run.assemble import PLUGIN_CODES, broken_row, failed_row, person_rows, skipped_row
 from gesture_core.run.contradictions import contradicting_row, contradictions
 from gesture_core.run.deciding import Arrived, Decided, Deciding, Example
 from gesture_core.run.discovery import Input
@@ -24,12 +23,12 @@ from gesture_core.run.folder import run_folder
 from gesture_core.run.journal import Committed, Journal
 from gesture_core.run.plan import Plan, check_out, make_plan
 from gesture_core.run.pruning import prune
-from gesture_core.run.rows import Row
+from gesture_core.run.rows import PLUGIN_CODES, broken_row, failed_row, person_rows, skipped_row
 from gesture_core.run.run import Listener, RunRequest, RunSummary, keypoint_store
 from gesture_core.run.sandbox import Sandbox
 from gesture_core.run.store import read_keypoints
 from gesture_core.run.work import Outcome
-from gesture_core.types import PoseSequence, Prediction
+from gesture_core.types import PoseSequence, Prediction, Row
 
 _BATCH = 64
 _SECONDS_BETWEEN_BATCHES = 2.0

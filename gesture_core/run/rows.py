@@ -1,92 +1,136 @@
-"""The table that a run produces: one row for every person in every input."""
+"""From what came of an input and what was decided about each person to rows of the result."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
-from gesture_core.types import Status
+from gesture_core.run.discovery import FRAMES, PICTURE_SUFFIXES, Input
+from gesture_core.run.work import Outcome
+from gesture_core.types import PoseSequence, Prediction, Row
 
-_LONGEST = 10_000
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of the result.
-
-    Attributes
-    ----------
-    input : str
-        The path as the user named it, ``path::member`` for a sequence inside a file.
-    sha256 : str
-        Of the content; empty where it could not be read.
-    person : int
-        Track number; 0 for the first or only one.
-    label : str or None
-        The gesture; only rows with the status ``ok`` or ``degraded`` have one.
-    distance : float or None
-    margin : float or None
-    neighbors : tuple of (example, label, distance)
-        As in `Prediction`.
-    status : str
-        ``ok``, ``degraded``, ``rejected``, ``skipped`` or ``error``.
-    code, message : str
-        Why, where the status is not ``ok``.
-    frames_declared : int or None
-        What the container claims.
-    frames_read, frames_with_pose : int
-    seconds : float
-        Length of what was read.
-    selected : tuple of str
-        Salient channels.
-    attempts : int
-    plugin : str
-        What found the keypoints: distribution and version.
-    fingerprint : str
-        Of everything that produced the row.
-    """
-
-    input: str
-    sha256: str = ""
-    person: int = 0
-    label: str | None = None
-    distance: float | None = None
-    margin: float | None = None
-    neighbors: tuple[tuple[str, str, float], ...] = ()
-    status: Status = "error"
-    code: str = ""
-    message: str = ""
-    frames_declared: int | None = None
-    frames_read: int = 0
-    frames_with_pose: int = 0
-    seconds: float = 0.0
-    selected: tuple[str, ...] = ()
-    attempts: int = 1
-    plugin: str = ""
-    fingerprint: str = ""
-
-    def as_record(self) -> dict[str, Any]:
-        """The row as scalars: ``neighbors`` as JSON, ``selected`` joined by spaces, all text valid UTF-8."""
-        record = asdict(self)
-        record["neighbors"] = json.dumps(self.neighbors, ensure_ascii=False)
-        record["selected"] = " ".join(self.selected)
-        if len(self.message) > _LONGEST:  # a plugin's error may be of any length
-            record["message"] = f"{self.message[:_LONGEST]}…"
-        return {name: _valid(value) if isinstance(value, str) else value for name, value in record.items()}
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Row:
-        """The inverse of `as_record`."""
-        values = {name: record[name] for name in COLUMNS}
-        values["neighbors"] = tuple((e, label, d) for e, label, d in json.loads(record["neighbors"]))
-        values["selected"] = tuple(record["selected"].split())
-        return cls(**values)
+# Nothing went wrong with such an input: it was read, and no label is warranted.
+_NO_GESTURE = frozenset(
+    {"E_NO_PERSON", "E_POSE_SHORT", "E_POSE_SPARSE", "E_POSE_SCALE", "E_NO_SALIENT", "E_NO_COMMON"}
+)
+_READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
+_FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"
+PLUGIN_CODES = ("E_PLUGIN", "E_WORKER")
+"""How codes begin for which a plugin is to blame, not the input."""
 
 
-def _valid(text: str) -> str:
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+def skipped_row(item: Input, fingerprint: str) -> Row:
+    """The row of something that is neither a video nor a keypoint file."""
+    what = FRAMES if item.path.suffix.lower() in PICTURE_SUFFIXES else "another format"
+    return Row(
+        item.name,
+        status="skipped",
+        code="E_NOT_AN_INPUT",
+        message=f"{item.name}: {item.fault}; try: {what}, or a manifest that leaves it out",
+        fingerprint=fingerprint,
+    )
 
 
-COLUMNS: tuple[str, ...] = tuple(f.name for f in fields(Row))
+def broken_row(item: Input, fingerprint: str) -> Row:
+    """The row of something that should be readable and is not."""
+    what = "check what it is and its permissions" if item.code in _READING else "repairing it"
+    if item.code.startswith(PLUGIN_CODES):
+        what = "another version of the plugin"
+    return Row(
+        item.name,
+        status="error",
+        code=item.code,
+        message=f"{item.name}: {item.fault}; try: {what}, then --retry-errors",
+        fingerprint=fingerprint,
+    )
+
+
+def _base(item: Input, outcome: Outcome, fingerprint: str) -> Row:
+    return Row(
+        item.name,
+        outcome.sha256,
+        frames_declared=outcome.frames_declared,
+        frames_read=outcome.frames_read,
+        seconds=outcome.seconds,
+        attempts=outcome.attempts,
+        plugin=outcome.plugin,
+        fingerprint=fingerprint,
+    )
+
+
+def failed_row(item: Input, outcome: Outcome, fingerprint: str) -> Row:
+    """The row of an input from which no keypoints came."""
+    base = _base(item, outcome, fingerprint)
+    if outcome.code:
+        return replace(base, code=outcome.code, message=_said_of(item, outcome.message))
+    nobody = replace(
+        base,
+        status="rejected",
+        code="E_NO_PERSON",
+        message=f"{item.name}: nobody was found in {outcome.frames_read} frames; "
+        "try: another --pose or --model, or gesture render to see what the network sees",
+    )
+    return _with_damage(nobody, item, outcome)
+
+
+def person_row(
+    item: Input,
+    outcome: Outcome,
+    pose: PoseSequence,
+    prediction: Prediction,
+    fingerprint: str,
+) -> Row:
+    """The row of one person: the prediction, degraded where the input lost frames."""
+    row = replace(
+        _base(item, outcome, fingerprint),
+        person=pose.person,
+        label=prediction.label,
+        distance=prediction.distance,
+        margin=prediction.margin,
+        neighbors=prediction.neighbors,
+        status=prediction.status,
+        code=prediction.code,
+        message=_said_of(item, prediction.message),
+        frames_with_pose=pose.frames_with_pose,
+        selected=prediction.selected,
+    )
+    if row.code in _NO_GESTURE:
+        row = replace(row, status="rejected")
+    if row.code == "E_REJECTED":
+        row = replace(row, message=f"{row.message}; {_FAR}")
+    return _with_damage(row, item, outcome)
+
+
+def _with_damage(row: Row, item: Input, outcome: Outcome) -> Row:
+    """The row, if frames of its input are lost: a label is degraded, a missing label is an error."""
+    if outcome.complete or row.status == "error":
+        return row
+    said = f"; otherwise: {row.code} {row.message.removeprefix(f'{item.name}: ')}" if row.code else ""
+    return replace(
+        row,
+        status="degraded" if row.status == "ok" else "error",
+        code="E_MEDIA_PARTIAL",
+        message=f"{item.name}: {'; '.join(outcome.notes) or 'frames are missing'}; "
+        f"kept: {outcome.frames_read} frames; try: repairing the file{said}",
+    )
+
+
+def _said_of(item: Input, message: str) -> str:
+    """``message`` with the input's name in front, once."""
+    return f"{item.name}: {message.removeprefix(f'{item.name}: ')}" if message else ""
+
+
+def person_rows(
+    item: Input,
+    outcome: Outcome,
+    poses: Sequence[PoseSequence],
+    predictions: Sequence[Prediction],
+    fingerprint: str,
+) -> list[Row]:
+    """Rows of all people in one input, at least one."""
+    if outcome.code or not poses:
+        return [failed_row(item, outcome, fingerprint)]
+    return [
+        person_row(item, outcome, pose, prediction, fingerprint)
+        for pose, prediction in zip(poses, predictions, strict=True)
+    ]

@@ -10,8 +10,8 @@ from pathlib import Path
 from gesture_core.dtw.cores import usable_cores
 from gesture_core.files import cache_dir
 from gesture_core.run.journal import open_journal
-from gesture_core.run.rows import Row
 from gesture_core.settings import Settings
+from gesture_core.types import Row
 
 
 @dataclass(frozen=True)

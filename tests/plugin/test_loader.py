@@ -13,8 +13,7 @@ from distributions import gesture, make_distribution
 from gesture_core.errors import ConfigError, MissingDependencyError, PluginError
 from gesture_core.plugin import hookimpl, registry
 from gesture_core.plugin.interfaces import KINDS
-from gesture_core.plugin.loader import load_registry, register_module
-from gesture_core.plugin.registry import Origin, Registry
+from gesture_core.plugin.registry import Origin, Registry, load_registry, register_module
 
 
 def registered(hook: str, *calls: dict, origin: str = "other", found: Registry | None = None) -> Registry:

@@ -23,9 +23,9 @@ from gesture_core.run.journal import open_journal
 from gesture_core.run.lock import run_lock
 from gesture_core.run.pipeline import run_archive
 from gesture_core.run.pruning import SPARED_SECONDS, mark_used, prune
-from gesture_core.run.rows import Row
 from gesture_core.run.run import RunRequest
 from gesture_core.settings import load_settings
+from gesture_core.types import Row
 
 
 def test_folders_may_be_nested_deeper_than_functions(tmp_path: Path) -> None:

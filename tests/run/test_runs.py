@@ -22,8 +22,8 @@ from gesture_core.errors import ConfigError, GestureError, InputError, RunFolder
 from gesture_core.files import TEMPORARY
 from gesture_core.run.journal import open_journal
 from gesture_core.run.lock import run_lock
-from gesture_core.run.rows import Row
 from gesture_core.run.run import Listener, RunSummary
+from gesture_core.types import Row
 
 
 def classify(drawn: DemoArchive, out: Path, **options) -> RunSummary:  # type: ignore[no-untyped-def]

@@ -12,7 +12,7 @@ from troubles import write_archive
 
 from gesture_core.run.discovery import discover
 from gesture_core.run.journal import open_journal
-from gesture_core.run.rows import Row
+from gesture_core.types import Row
 
 READER = """
     import os
