@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from gesture_core.errors import ConfigError, GestureError, InputError, RunFolderError
+from gesture_core.errors import Code, ConfigError, GestureError, InputError, RunFolderError
 from gesture_core.run.contradictions import contradicting_row, contradictions
 from gesture_core.run.deciding import Arrived, Decided, Deciding, Example
 from gesture_core.run.discovery import Input
@@ -23,7 +23,7 @@ from gesture_core.run.folder import run_folder
 from gesture_core.run.journal import Committed, Journal
 from gesture_core.run.plan import Plan, check_out, make_plan
 from gesture_core.run.pruning import prune
-from gesture_core.run.rows import PLUGIN_CODES, broken_row, failed_row, person_rows, skipped_row
+from gesture_core.run.rows import broken_row, failed_row, person_rows, skipped_row
 from gesture_core.run.run import Listener, RunRequest, RunSummary, keypoint_store
 from gesture_core.run.sandbox import Sandbox
 from gesture_core.run.store import read_keypoints
@@ -85,7 +85,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
 
 def _remedy(first: Row) -> str:
     """What to try where no example can be used, and the first one's row does not say it."""
-    if first.code.startswith(PLUGIN_CODES):
+    code = Code.of(first.code)
+    if code and code.plugin:
         return "another version of that plugin, or settings without it"
     return "" if "; try: " in first.message else "better clips"
 

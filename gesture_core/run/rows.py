@@ -5,18 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from gesture_core.errors import Code
 from gesture_core.run.discovery import FRAMES, PICTURE_SUFFIXES, Input
 from gesture_core.run.work import Outcome
 from gesture_core.types import PoseSequence, Prediction, Row
 
-# Nothing went wrong with such an input: it was read, and no label is warranted.
-_NO_GESTURE = frozenset(
-    {"E_NO_PERSON", "E_POSE_SHORT", "E_POSE_SPARSE", "E_POSE_SCALE", "E_NO_SALIENT", "E_NO_COMMON"}
-)
 _READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
 _FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"
-PLUGIN_CODES = ("E_PLUGIN", "E_WORKER")
-"""How codes begin for which a plugin is to blame, not the input."""
 
 
 def skipped_row(item: Input, fingerprint: str) -> Row:
@@ -24,7 +19,7 @@ def skipped_row(item: Input, fingerprint: str) -> Row:
     what = FRAMES if item.path.suffix.lower() in PICTURE_SUFFIXES else "another format"
     return Row(
         item.name,
-        status="skipped",
+        status=Code.NOT_AN_INPUT.status,
         code="E_NOT_AN_INPUT",
         message=f"{item.name}: {item.fault}; try: {what}, or a manifest that leaves it out",
         fingerprint=fingerprint,
@@ -34,7 +29,8 @@ def skipped_row(item: Input, fingerprint: str) -> Row:
 def broken_row(item: Input, fingerprint: str) -> Row:
     """The row of something that should be readable and is not."""
     what = "check what it is and its permissions" if item.code in _READING else "repairing it"
-    if item.code.startswith(PLUGIN_CODES):
+    code = Code.of(item.code)
+    if code and code.plugin:
         what = "another version of the plugin"
     return Row(
         item.name,
@@ -65,7 +61,7 @@ def failed_row(item: Input, outcome: Outcome, fingerprint: str) -> Row:
         return replace(base, code=outcome.code, message=_said_of(item, outcome.message))
     nobody = replace(
         base,
-        status="rejected",
+        status=Code.NO_PERSON.status,
         code="E_NO_PERSON",
         message=f"{item.name}: nobody was found in {outcome.frames_read} frames; "
         "try: another --pose or --model, or gesture render to see what the network sees",
@@ -94,7 +90,8 @@ def person_row(
         frames_with_pose=pose.frames_with_pose,
         selected=prediction.selected,
     )
-    if row.code in _NO_GESTURE:
+    code = Code.of(row.code)
+    if code and code.status == "rejected":  # nothing went wrong, and no label is warranted
         row = replace(row, status="rejected")
     if row.code == "E_REJECTED":
         row = replace(row, message=f"{row.message}; {_FAR}")
@@ -108,7 +105,7 @@ def _with_damage(row: Row, item: Input, outcome: Outcome) -> Row:
     said = f"; otherwise: {row.code} {row.message.removeprefix(f'{item.name}: ')}" if row.code else ""
     return replace(
         row,
-        status="degraded" if row.status == "ok" else "error",
+        status=Code.MEDIA_PARTIAL.status if row.status == "ok" else "error",
         code="E_MEDIA_PARTIAL",
         message=f"{item.name}: {'; '.join(outcome.notes) or 'frames are missing'}; "
         f"kept: {outcome.frames_read} frames; try: repairing the file{said}",
