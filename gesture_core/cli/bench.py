@@ -8,24 +8,25 @@ import platform
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
 from gesture_core.cli.flags import KernelFlags, Whole
-from gesture_core.cli.screen import print_table
-from gesture_core.cli.targets import check_file
+from gesture_core.cli.output import check_file, print_table, warnings_as_lines
 from gesture_core.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.dtw.spec import DtwSpec
+    from gesture_core.plugin.interfaces import DistanceKernel
+    from gesture_core.settings import Settings
     from gesture_core.types import Signals
 
-RUNS = 3
-PATIENCE = 2.0
-"""Seconds that one run of a kernel may take; slower kernels are timed on fewer queries."""
+_RUNS = 3
+_SECONDS_OF_A_RUN = 2.0
+"""What one run of a kernel may take; slower kernels are timed on fewer queries."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +38,6 @@ class Timing:
     wall_seconds: float
     cpu_seconds_per_pair: float
     deviation: float
-
-    def cells(self) -> tuple[str, str, str, str]:
-        """As the table shows it."""
-        wall, each = self.wall_seconds * 1e3, self.cpu_seconds_per_pair * 1e6
-        return f"{self.pairs:,}", f"{wall:.1f}", f"{each:.2f}", f"{self.deviation:.1e}"
 
 
 def bench(
@@ -85,15 +81,14 @@ def bench(
         elif not getattr(kernel, "exact", True):
             rows.append((name, mark, "an approximation, not timed", "", "", ""))
         else:
-            timings.append(_measure(name, kernel, signals, spec))
-            rows.append((name, mark, *timings[-1].cells()))
-    columns = ("kernel", "", "pairs", "wall ms", "CPU µs / pair", "largest deviation")
+            timing = _measure(name, kernel, signals, spec)
+            timings.append(timing)
+            wall, each = timing.wall_seconds * 1e3, timing.cpu_seconds_per_pair * 1e6
+            cells = f"{timing.pairs:,}", f"{wall:.1f}", f"{each:.2f}", f"{timing.deviation:.1e}"
+            rows.append((name, mark, *cells))
     frames = sum(len(item) for item in signals) / len(signals)
     width = signals[0].values.shape[1]
-    print(f"{len(signals)} series, {frames:.0f} frames on average, {width} channels")
-    print_table(columns, rows, right=columns[2:])
-    print(f"classify.kernel = auto takes {auto!r}")
-    if out is not None:
+    if out is not None:  # before anything is printed: nobody may read it to its end
         record = {
             "machine": platform.processor() or platform.machine(),
             "cores": os.cpu_count(),
@@ -105,10 +100,14 @@ def bench(
             "kernels": [asdict(timing) for timing in timings],
         }
         out.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    print(f"{len(signals)} series, {frames:.0f} frames on average, {width} channels")
+    columns = ("kernel", "", "pairs", "wall ms", "CPU µs / pair", "largest deviation")
+    print_table(columns, rows, right=columns[2:])
+    print(f"classify.kernel = auto takes {auto!r}")
     return 0
 
 
-def _measure(name: str, kernel: Any, signals: list[Signals], spec: DtwSpec) -> Timing:
+def _measure(name: str, kernel: DistanceKernel, signals: list[Signals], spec: DtwSpec) -> Timing:
     import numpy as np
 
     from gesture_core.dtw.distances import make_batches
@@ -122,10 +121,12 @@ def _measure(name: str, kernel: Any, signals: list[Signals], spec: DtwSpec) -> T
     start = time.perf_counter()
     found = kernel.distances(state, few)
     each = (time.perf_counter() - start) / len(few)
-    asked = subset(queries, np.arange(max(len(few), min(len(queries), int(PATIENCE / max(each, 1e-9))))))
+    asked = subset(
+        queries, np.arange(max(len(few), min(len(queries), int(_SECONDS_OF_A_RUN / max(each, 1e-9)))))
+    )
     kernel.distances(state, asked)
     walls, cpus = [], []
-    for _ in range(RUNS):
+    for _ in range(_RUNS):
         begun = time.perf_counter(), time.process_time()
         kernel.distances(state, asked)
         walls.append(time.perf_counter() - begun[0])
@@ -160,10 +161,13 @@ def _drawn(count: int) -> list[Signals]:
     return [Signals(walk, np.arange(len(walk)) / 30, names, rng.random(36) < 0.2) for walk in walks]
 
 
-def _own(sources: tuple[str, ...], settings: Any) -> list[Signals]:
+def _own(sources: tuple[str, ...], settings: Settings) -> list[Signals]:
     """The signals of the user's own data."""
+    from gesture_core.cli.progress import progress
     from gesture_core.run.api import load_poses
     from gesture_core.signals.chain import Chain
 
     chain = Chain.from_settings(settings)
-    return [chain(pose) for pose in load_poses(list(sources), settings)]
+    with progress(sources), warnings_as_lines():
+        poses = load_poses(list(sources), settings)
+    return [chain(pose) for pose in poses]

@@ -10,7 +10,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gesture_core.cli.targets import check_file
+from gesture_core.cli.flags import UNSAID
+from gesture_core.cli.output import check_file
 from gesture_core.errors import ConfigError
 from gesture_core.plugin import registry
 from gesture_core.run.exporting import export_rows
@@ -22,7 +23,7 @@ def export(
     /,
     *,
     format: str | None = None,
-    to: Annotated[str, Parameter(name=["--to", "-o"], allow_leading_hyphen=True, show_default=False)] = "",
+    to: Annotated[str, UNSAID, Parameter(name=["--to", "-o"], allow_leading_hyphen=True)] = "",
 ) -> None:
     """Write the rows of a run as CSV, Parquet or JSON lines.
 

@@ -24,7 +24,7 @@ app = cyclopts.App(
 @app.default
 def list_models() -> int:
     """List the networks that are here, and the public ones that can be added."""
-    from gesture_core.cli.screen import print_table
+    from gesture_core.cli.output import print_table
     from gesture_core.files import models_dir
     from gesture_core.pose.added import added_names, read_card
     from gesture_core.pose.known import known_models
@@ -61,11 +61,11 @@ def list_models() -> int:
 
 def _print_places(rows: list[tuple[str, ...]]) -> None:
     """Paths and addresses on lines of their own: a narrow table would break them."""
-    from gesture_core.cli.screen import visible
+    from gesture_core.files import printable
 
     width = max((len(row[0]) for row in rows), default=0)
     for row in rows:
-        print(f" {visible(row[0]):<{width}}   {visible(row[-1])}")
+        print(f" {printable(row[0]):<{width}}   {printable(row[-1])}")
 
 
 app.command(list_models, name="list")
@@ -129,7 +129,7 @@ def add(
 @app.command
 def verify() -> int:
     """Check every network that is here against its hash; exit with 3 where one differs."""
-    from gesture_core.cli.screen import print_table
+    from gesture_core.cli.output import print_table
     from gesture_core.pose.adding import verify_models
 
     found = verify_models()

@@ -28,11 +28,7 @@ def decider(settings: Settings, sandbox: Sandbox | None) -> Deciding:
 
 def deciding_plugins(settings: Settings) -> list[Registration]:
     """The plugins that take part after the extraction: the chain, and the kernel unless it is ``auto``."""
-    chosen = settings.signals
-    steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
-    steps += [("filter", name.partition(":")[0]) for name in chosen.filters]
-    steps += [("kernel", settings.classify.kernel)] if settings.classify.kernel not in ("", "auto") else []
-    return [registry().find(kind, name) for kind, name in steps]
+    return [registry().find(kind, name.partition(":")[0]) for kind, name in settings.plugins()]
 
 
 class GuardedDecider:

@@ -10,7 +10,7 @@ from tiny_networks import FIGURE, GREY, dot_network, dot_picture
 
 from gesture_core.cli.main import run
 from gesture_core.errors import MediaError
-from gesture_core.report.overlay import LEFT, RIGHT, draw_pose, overlay, write_strip, write_video
+from gesture_core.report.overlay import draw_pose, overlay, side_colour, write_strip, write_video
 from gesture_core.skeletons import COCO18, SKELETONS
 from gesture_core.types import PoseSequence
 
@@ -33,9 +33,9 @@ def test_each_side_has_its_colour_and_missing_joints_are_left_out() -> None:
     picture = np.zeros((120, 120, 3), np.uint8)
     draw_pose(picture, points, COCO18)
     x, y = np.rint(points[COCO18.index("right_wrist")]).astype(int)
-    assert tuple(picture[y, x]) == RIGHT
+    assert tuple(picture[y, x]) == side_colour("right_wrist") == (0, 159, 230)
     x, y = np.rint(points[COCO18.index("left_elbow")]).astype(int)
-    assert tuple(picture[y, x]) == LEFT
+    assert tuple(picture[y, x]) == side_colour("left_elbow") == (233, 180, 86)
     x, y = np.rint(FIGURE[7] * 100 + (10, 10)).astype(int)
     assert not picture[y, x].any()
 
@@ -147,4 +147,4 @@ def test_the_command_renders_a_video(
     assert "is not one video" in capsys.readouterr().err
     write_video([(t, np.full_like(frame, GREY)) for t, frame in moving], tmp_path / "dark.mp4")
     assert run(["render", "dark.mp4", "--model", str(network)]) == 1
-    assert "E_POSE_NONE" in capsys.readouterr().err
+    assert "E_NO_PERSON" in capsys.readouterr().err
