@@ -10,8 +10,8 @@ import pytest
 from distributions import gesture, make_distribution
 from troubles import write_archive
 
-from gesture_core.run.discovery import discover
-from gesture_core.run.journal import open_journal
+from gesture_core.run.inputs import discover
+from gesture_core.run.results import open_results
 from gesture_core.types import Row
 
 READER = """
@@ -51,7 +51,7 @@ def run(site: Path, folder: Path, *options: str, **environment: str) -> tuple[in
         "--preset", "paper", "--kernel", "numpy", *options, path=site, **environment,
     )  # fmt: skip
     assert "Traceback" not in done.stderr, done.stderr
-    with open_journal(folder / "run") as journal:
+    with open_results(folder / "run") as journal:
         found = list(journal.rows())
     rows = {Path(row.input).name: row for row in found}
     assert len(rows) == len(found), "an input has two rows"
