@@ -68,7 +68,7 @@ def write_keypoints(path: Path, sequences: Sequence[PoseSequence], facts: Mappin
     times = np.concatenate([np.empty(0), *(s.times for s in sequences)])
     points = np.concatenate([np.empty((0, joints, 2)), *(s.keypoints for s in sequences)])
     scores = np.concatenate([np.empty((0, joints)), *(s.scores for s in sequences)])
-    values = np.concatenate([points, scores[..., None]], axis=2).reshape(len(points), -1)
+    values = np.concatenate([points, scores[..., None]], axis=2).reshape(len(points), 3 * joints)
     columns = {
         column: np.ascontiguousarray(array.astype(_TYPES.get(column, np.float32)))
         for column, array in zip(_columns(name), (person, times, *values.T), strict=True)
@@ -129,7 +129,7 @@ def _read(path: Path, source: str) -> Stored:
     if _checksum(header, columns) != header["checksum"]:
         raise ValueError("the content does not match its checksum")
     person, times, *values = columns.values()
-    joints = np.stack(values, axis=1).reshape(len(times), -1, 3)
+    joints = np.stack(values, axis=1).reshape(len(times), len(values) // 3, 3)
     sequences = []
     for entry in header["people"]:
         rows, size = person == int(entry["person"]), entry["frame_size"]

@@ -14,6 +14,8 @@ from gesture_core.settings import LimitSettings
 from gesture_core.types import Job, Outcome, Task
 
 OnFrames = Callable[[Task, int], None]
+_ENDINGS = frozenset({"E_WORKER_CRASH", "E_WORKER_HANG", "E_WORKER_MEMORY"})
+"""Codes of what another process may not meet: memory can also end without ending the process."""
 
 
 @dataclass
@@ -50,7 +52,7 @@ class ProcessEngine:
         """
         again: list[Task] = []
         for task, outcome in self._round(job, tasks, self.workers, on_frames):
-            if retry and isinstance(outcome.error, WorkerError):
+            if retry and outcome.error and outcome.error.code in _ENDINGS:
                 again.append(task)
             else:
                 yield outcome

@@ -109,7 +109,7 @@ class KeypointExtractor:
     def __call__(self, path: Path, member: str, reader: str) -> Extracted:
         """What came of an input; ``reader`` names its keypoint reader, and is empty for a video.
 
-        A GestureError becomes its code and message, as the hash that was found is worth keeping.
+        An error of the input becomes its code and message, as the hash that was found is worth keeping.
 
         Raises
         ------
@@ -129,9 +129,9 @@ class KeypointExtractor:
         except OSError as error:
             cause = f"cannot be read: {error.strerror or error}"
             return found.failed(InputError(cause, remedy="check its permissions", code="E_READ"))
-        except RunFolderError:
-            raise
         except GestureError as error:
+            if isinstance(error, RunFolderError) or error.code == "E_WORKER_MEMORY":
+                raise  # the first is everybody's, the second is tried again
             return found.failed(error)
 
     def _from_store(self, name: str, found: Extracted) -> Extracted | None:
