@@ -68,7 +68,7 @@ def test_no_code_is_taken_apart() -> None:
 @pytest.mark.parametrize("code", Code)
 def test_every_code_says_what_it_is(code: Code) -> None:
     assert code.value == f"E_{code.name}" == str(code)
-    assert code.meaning and code.remedy and code.meaning[0].islower() or code.meaning.startswith("run.db")
+    assert (code.meaning and code.remedy and code.meaning[0].islower()) or code.meaning.startswith("run.db")
     assert code.exit_code in (1, 2, 11)
     assert code.status in get_args(Status)
     assert Code.of(str(code)) is code

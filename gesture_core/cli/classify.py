@@ -11,7 +11,7 @@ from gesture_core.cli.output import counted, named, print_rows, say, say_assumed
 from gesture_core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from gesture_core.run.run import RunSummary
+    from gesture_core.run.pipeline import RunSummary
 
 _CLASSES_SHOWN = 30
 
@@ -67,7 +67,7 @@ def _execute(
     """Run what a command asks for, show it, and return the exit code; without examples, only extract."""
     from gesture_core.cli.progress import progress
     from gesture_core.run.pipeline import run_archive
-    from gesture_core.run.run import RunRequest
+    from gesture_core.run.plan import RunRequest
 
     run = run or RunFlags()
     request = RunRequest(

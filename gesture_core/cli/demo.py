@@ -31,7 +31,7 @@ def demo(
     from gesture_core.cli.classify import say_summary
     from gesture_core.cli.progress import progress
     from gesture_core.demo.archive import write_archive
-    from gesture_core.run.api import classify_archive
+    from gesture_core.run.archive import classify_archive
 
     if out is not None:
         check_folder(out)

@@ -71,16 +71,16 @@ def render(
 def _people(video: Path, settings: Settings) -> list[PoseSequence]:
     """Everybody in the video, from the keypoint store or extracted in a worker process."""
     from gesture_core.cli.progress import progress
-    from gesture_core.run.discovery import discover
     from gesture_core.run.evaluate import people_of
+    from gesture_core.run.inputs import discover
 
     items = discover([video])
     if len(items) != 1 or items[0].kind != "video":
         raise InputError("is not one video", subject=str(video), remedy="a video file", code="E_OPTION")
     with progress([str(video)]) as listener:
-        for _, outcome, people in people_of(items, settings, listener=listener):
-            if outcome.code:
-                raise MediaError(outcome.message, subject=str(video), code=outcome.code)
+        for _, found, people in people_of(items, settings, listener=listener):
+            if found.code:
+                raise MediaError(found.message, subject=str(video), code=found.code)
             if people:
                 return people
     raise PoseError(

@@ -111,7 +111,7 @@ def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> 
     >>> [path.name for path in write_evaluation(result.best, result.fingerprint, Path("scores"))]
     ['evaluation.json', 'answers.csv']
     """
-    from gesture_core.run.writers import CsvWriter
+    from gesture_core.run.export import CsvWriter
 
     numbers, answers = folder / "evaluation.json", folder / "answers.csv"
     with replacing(numbers) as temporary:

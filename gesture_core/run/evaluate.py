@@ -24,15 +24,14 @@ from gesture_core.classify.evaluation import (
 from gesture_core.classify.protocols import folds
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable
-from gesture_core.run.api import Sources
-from gesture_core.run.discovery import Input, discover
-from gesture_core.run.extraction import extract_all
+from gesture_core.run.archive import Sources, as_strings
+from gesture_core.run.extract import extract_all
 from gesture_core.run.fingerprint import fingerprint, pose_identity, run_configuration
+from gesture_core.run.inputs import Input, discover
 from gesture_core.run.labels import halves_a_word, label_inputs, search_name
-from gesture_core.run.probe import require_model
-from gesture_core.run.run import Listener, as_strings, keypoint_store
-from gesture_core.run.store import read_keypoints
-from gesture_core.run.work import Outcome
+from gesture_core.run.pipeline import Listener
+from gesture_core.run.store import keypoint_store, read_keypoints
+from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.settings import Settings, load_settings
 from gesture_core.settings.load import check_option, find_key
 from gesture_core.types import PoseSequence
@@ -223,27 +222,26 @@ def people_of(
     identity: Mapping[str, Any] | None = None,
     workers: int = 0,
     listener: Listener | None = None,
-) -> Iterator[tuple[int, Outcome, list[PoseSequence]]]:
+) -> Iterator[tuple[Input, Extracted, list[PoseSequence]]]:
     """Everybody in each of ``items``, from the keypoint store or extracted in worker processes.
 
-    The parameters are those of `extraction.extract_all`, and who is told of it.
+    The parameters are those of `extract.extract_all`, and who is told of it.
 
     Yields
     ------
-    (position in ``items``, Outcome, list of PoseSequence)
-        As they come, in any order. The list is empty where the outcome has a code, or nobody was found.
+    (Input, Extracted, list of PoseSequence)
+        As they come, in any order. The list is empty where there is an error, or nobody was found.
     """
     listener = listener or Listener()
     listener.planned(len(items), len(items), 0, "")
-    for outcome in extract_all(
+    for item, found in extract_all(
         items, settings, identity=identity, workers=workers, on_frames=listener.frames
     ):
-        name = items[outcome.number].name
-        listener.extracted(name, outcome.cached)
+        listener.extracted(item.name, found.cached)
         people: list[PoseSequence] = []
-        if not outcome.code:
-            people = read_keypoints(keypoint_store() / outcome.stored, name).sequences
-        yield outcome.number, outcome, people
+        if not found.code:
+            people = read_keypoints(keypoint_store() / found.stored, item.name).sequences
+        yield item, found, people
 
 
 def _load(
@@ -252,29 +250,26 @@ def _load(
     """The first person of each input or why there is none, content hashes, what made the keypoints, and what
     was assumed.
     """
-    videos = any(item.kind == "video" for item in items)
-    identity = pose_identity(settings, videos)
-    if videos:
-        require_model(settings, identity)
+    identity = pose_identity(settings, any(item.kind == "video" for item in items))
     poses: list[PoseSequence | GestureError] = [
         InputError(item.fault, subject=item.name, code=item.code or None) for item in items
     ]
     hashes = [""] * len(items)
     assumed: Counter[str] = Counter()
-    readable = [number for number, item in enumerate(items) if item.kind != "broken"]
-    chosen = [items[number] for number in readable]
-    for place, outcome, people in people_of(
-        chosen, settings, identity=identity, workers=workers, listener=listener
+    readable = [item for item in items if item.kind != "broken"]
+    places = {item.key: number for number, item in enumerate(items)}
+    for item, found, people in people_of(
+        readable, settings, identity=identity, workers=workers, listener=listener
     ):
-        number, name = readable[place], chosen[place].name
-        hashes[number] = outcome.sha256
-        assumed.update([outcome.assumed] if outcome.assumed else [])
-        if outcome.code:
-            poses[number] = GestureError(outcome.message, subject=name, code=outcome.code)
+        number = places[item.key]
+        hashes[number] = found.sha256
+        assumed.update([found.assumed] if found.assumed else [])
+        if found.code:
+            poses[number] = GestureError(found.message, subject=item.name, code=found.code)
         elif people:
             poses[number] = people[0]
         else:
-            poses[number] = GestureError("nobody was found", subject=name, code="E_NO_PERSON")
+            poses[number] = GestureError("nobody was found", subject=item.name, code="E_NO_PERSON")
     return poses, hashes, identity, assumed
 
 

@@ -14,10 +14,10 @@ from gesture_core.classify import explanation
 from gesture_core.classify.estimator import GestureClassifier
 from gesture_core.classify.explanation import Explanation
 from gesture_core.errors import GestureError, InputError, RunFolderError
-from gesture_core.run.discovery import Input, discover
 from gesture_core.run.evaluate import people_of
-from gesture_core.run.journal import open_journal
-from gesture_core.run.run import Listener
+from gesture_core.run.inputs import Input, discover
+from gesture_core.run.pipeline import Listener
+from gesture_core.run.results import open_results
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence, Row, Signals
@@ -77,11 +77,11 @@ def explain(
     >>> found.explanation.nearest.distance < found.explanation.runner_up.distance
     True
     """
-    with open_journal(run) as journal:
-        rows = list(journal.rows())
+    with open_results(run) as results:
+        rows = list(results.rows())
         row = _row(rows, input, person)
-        configuration = json.loads(journal.get("configuration") or "{}")
-        left_out = {failed.input for failed in journal.rows("example")}
+        configuration = json.loads(results.get("configuration") or "{}")
+        left_out = {failed.input for failed in results.rows("example")}
     if not configuration.get("examples"):
         raise RunFolderError(
             "holds keypoints only, nothing was classified",
@@ -112,17 +112,16 @@ def _people(
     """
     items = _inputs(hashes)
     people: dict[str, list[PoseSequence]] = {}
-    for number, outcome, found in people_of(items, settings, listener=listener):
-        name = items[number].name
-        if outcome.sha256 and outcome.sha256 != hashes[name]:
+    for item, found, sequences in people_of(items, settings, listener=listener):
+        if found.sha256 and found.sha256 != hashes[item.name]:
             raise InputError(
                 "has changed since the run",
-                subject=name,
+                subject=item.name,
                 remedy="gesture classify --overwrite first",
                 code="E_CHANGED",
             )
-        if not outcome.code:
-            people[name] = found
+        if not found.code:
+            people[item.name] = sequences
     return people
 
 
