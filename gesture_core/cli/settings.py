@@ -70,7 +70,7 @@ def _asked(key: str, settings: Settings) -> Iterator[Setting]:
     if key in SECTIONS:
         yield from _section(key, settings)
         return
-    if key.partition(":")[0] in {name for _, name in registry().entries}:
+    if "." not in key and key.partition(":")[0] in {name for _, name in registry().entries}:
         yield from _plugin(key, settings)
         return
     section, name = find_key(key, settings, "gesture settings")

@@ -110,27 +110,36 @@ def _people(
     ``hashes`` are the content hashes that the run saw; an input that has changed since is an error.
     An input that cannot be read is left out.
     """
-    items = _inputs(hashes)
+    spellings: dict[str, list[str]] = {}  # an input may be an example too, under another name
+    for name in hashes:
+        spellings.setdefault(_place(name), []).append(name)
+    items = [item for item in _inputs(hashes) if _place(item.name) in spellings]
     people: dict[str, list[PoseSequence]] = {}
     for item, found, sequences in people_of(items, settings, listener=listener):
-        if found.sha256 and found.sha256 != hashes[item.name]:
-            raise InputError(
-                "has changed since the run",
-                subject=item.name,
-                remedy="gesture classify --overwrite first",
-                code="E_CHANGED",
-            )
-        if not found.code:
-            people[item.name] = sequences
+        for name in spellings[_place(item.name)]:
+            if found.sha256 and found.sha256 != hashes[name]:
+                raise InputError(
+                    "has changed since the run",
+                    subject=name,
+                    remedy="gesture classify --overwrite first",
+                    code="E_CHANGED",
+                )
+            if not found.code:
+                people[name] = sequences
     return people
 
 
+def _place(name: str) -> str:
+    """The same for all spellings of an input."""
+    path, _, member = name.partition("::")
+    return f"{Path(path).resolve()}::{member}"
+
+
 def _inputs(names: Iterable[str]) -> list[Input]:
-    """The inputs that a run calls so; each container is looked into once."""
-    wanted = set(names)
+    """What is in the files and folders that ``names`` lie in; each is looked into once."""
     paths = dict.fromkeys(name.partition("::")[0] for name in names)
     try:
-        return [item for item in discover(list(paths)) if item.name in wanted]
+        return discover(list(paths))
     except InputError as error:
         raise InputError(
             "is not where the run found it",
