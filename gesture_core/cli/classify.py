@@ -65,7 +65,6 @@ def _execute(
     labels: str = "folder",
 ) -> int:
     """Run what a command asks for, show it, and return the exit code; without examples, only extract."""
-    from gesture_core.cli.progress import progress
     from gesture_core.run.pipeline import run_archive
     from gesture_core.run.plan import RunRequest
 
@@ -81,11 +80,14 @@ def _execute(
         run.retry_errors,
         run.overwrite,
     )
-    with progress(sources, examples, quiet=run.quiet) as listener:
+    if run.quiet:
+        return run_archive(request).exit_code
+    from gesture_core.cli.progress import progress
+
+    with progress(sources, examples) as listener:
         summary = run_archive(request, listener)
-    if not run.quiet:
-        print_rows(summary.rows(), classified=bool(examples))
-        say_summary(summary)
+    print_rows(summary.rows(), classified=bool(examples))
+    say_summary(summary)
     return summary.exit_code
 
 

@@ -67,12 +67,15 @@ def run(arguments: Sequence[str]) -> int:
     signal.signal(signal.SIGTERM, _on_sigterm)
     for stream in (sys.stdout, sys.stderr):  # any bytes may stand in a file name
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
-    options = arguments[: list(arguments).index("--")] if "--" in arguments else arguments
-    traced = "--traceback" in options or os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
-    arguments = [word for i, word in enumerate(arguments) if word != "--traceback" or i >= len(options)]
+    arguments, traced = list(arguments), os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
+    end = arguments.index("--") if "--" in arguments else len(arguments)
+    if "--traceback" in arguments[:end]:
+        arguments.remove("--traceback")
+        traced = True
     try:
         command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
-        _check_sources(arguments, bound.arguments.get("sources", ()))
+        if "sources" in bound.arguments:
+            _check_sources(arguments, bound.arguments["sources"])
         result = command(*bound.args, **bound.kwargs)
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
@@ -118,16 +121,20 @@ def _fail(text: str, code: int, traced: bool) -> int:
 
 def _check_sources(arguments: Sequence[str], sources: Sequence[str]) -> None:
     """Refuse sources that the writer hardly meant: further values of an option that takes one."""
-    words, together = [word for word in arguments if word != "--"], 0
-    for start in range(len(words)):
-        pairs = zip(words[start:], sources, strict=False)
-        together = max(together, next((n for n, (a, b) in enumerate(pairs) if a != b), len(sources)))
     for source in sources:
         if "=" in source and not os.path.lexists(source) and (remedy := _again(arguments, source)):
             raise ConfigError(f"{source} would be a source", remedy=remedy, code="E_USAGE")
-    if together < len(sources):
+    words, most = list(arguments), 0
+    if "--" in words:
+        words.remove("--")
+    for start in range(len(words)):  # sources keep their order: how many of them stand side by side?
+        n = 0
+        while n < len(sources) and start + n < len(words) and words[start + n] == sources[n]:
+            n += 1
+        most = max(most, n)
+    if most < len(sources):
         raise ConfigError(
-            f"{sources[together]} stands apart from the other sources, behind an option",
+            f"{sources[most]} stands apart from the other sources, behind an option",
             remedy="all sources before the options, or last after --",
             code="E_USAGE",
         )

@@ -11,6 +11,7 @@ import os
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
@@ -78,7 +79,7 @@ def load_settings(
 
 def settings_from_dict(tree: Mapping[str, Any]) -> Settings:
     """The inverse of `Settings.as_dict`."""
-    settings = Settings(options={plugin: dict(given) for plugin, given in tree.get("options", {}).items()})
+    settings = Settings(options=dict(tree.get("options", {})))
     for section in SECTIONS:
         settings = _change(settings, section, tree.get(section, {}), "settings")
     return settings
@@ -86,7 +87,7 @@ def settings_from_dict(tree: Mapping[str, Any]) -> Settings:
 
 def presets() -> list[str]:
     """Names of the presets in the package."""
-    return sorted(path.stem for path in _PRESETS.glob("*.toml"))
+    return sorted(map(attrgetter("stem"), _PRESETS.glob("*.toml")))
 
 
 def _preset(name: str, above: tuple[str, ...] = ()) -> Settings:
@@ -149,8 +150,8 @@ def _change(settings: Settings, section: str, values: Mapping[str, Any], origin:
     hints = get_type_hints(SECTIONS[section])
     read = {}
     for name, value in values.items():
-        if name not in fields_of(section):
-            raise ConfigError(f"{origin}: [{section}] has no {name!r}", remedy=near(name, fields_of(section)))
+        if name not in hints:
+            raise ConfigError(f"{origin}: [{section}] has no {name!r}", remedy=near(name, list(hints)))
         read[name] = _read(f"{section}.{name}", value, hints[name], origin)
     return replace(settings, **{section: replace(getattr(settings, section), **read)})
 
@@ -209,11 +210,13 @@ def find_key(key: str, settings: Settings, origin: str) -> tuple[str, str]:
 
 def _plugin(name: str, origin: str) -> str:
     """``name``, if a section or a plugin is called so; ``gaussian:wide`` is a second ``gaussian``."""
-    known = [plugin for _, plugin in registry().entries]
-    if name in SECTIONS or name.partition(":")[0] in known:
+    if name in SECTIONS:
         return name
-    remedy = near(name, [*SECTIONS, *sorted(set(known))])
-    raise ConfigError(f"{origin} {name!r}: no such section or plugin", remedy=remedy)
+    for _, plugin in registry().entries:
+        if plugin == name.partition(":")[0]:
+            return name
+    known = sorted({plugin for _, plugin in registry().entries})
+    raise ConfigError(f"{origin} {name!r}: no such section or plugin", remedy=near(name, [*SECTIONS, *known]))
 
 
 def check_option(key: str, settings: Settings, origin: str) -> None:

@@ -5,28 +5,25 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
 
 DEFAULT_PRESET = "modern"
 _INFINITE = float("inf")
-_Bounds = Mapping[str, tuple[float, float]]
 
 
 class _Section:
-    """Refuses a number outside its bounds; None is always inside."""
-
-    _name: ClassVar[str]
-    _bounds: ClassVar[_Bounds]
+    """Refuses a number outside its `BOUNDS`; None is always inside."""
 
     def __post_init__(self) -> None:
-        for name, (low, high) in self._bounds.items():
-            value = vars(self)[name]
+        for key, (low, high) in BOUNDS.items():
+            section, _, name = key.partition(".")
+            value = vars(self)[name] if SECTIONS[section] is type(self) else None
             if value is not None and not low <= value <= high:
                 wanted = f"{low:g} to {high:g}" if high < _INFINITE else f"{low:g} or more"
-                raise ConfigError(f"{self._name}.{name} = {value!r}", remedy=wanted, code="E_OPTION")
+                raise ConfigError(f"{key} = {value!r}", remedy=wanted, code="E_OPTION")
 
 
 @dataclass(frozen=True)
@@ -64,9 +61,6 @@ class PoseSettings(_Section):
     reader: str = "auto"
     fps: float = 30.0
 
-    _name: ClassVar = "pose"
-    _bounds: ClassVar[_Bounds] = {"height": (32, 4096), "score": (0, 1), "fps": (0.001, 100_000)}
-
 
 @dataclass(frozen=True)
 class SignalSettings(_Section):
@@ -99,9 +93,6 @@ class SignalSettings(_Section):
     filters: tuple[str, ...] = ("gaussian", "center")
     selector: str = "variance"
     still: Literal["refuse", "posture"] = "refuse"
-
-    _name: ClassVar = "signals"
-    _bounds: ClassVar[_Bounds] = {"max_gap": (0, _INFINITE), "min_seen": (0, 1), "min_frames": (1, 1e9)}
 
 
 @dataclass(frozen=True)
@@ -166,20 +157,6 @@ class ClassifySettings(_Section):
     relative: float | None = None
     rest: float = 0.0
 
-    _name: ClassVar = "classify"
-    _bounds: ClassVar[_Bounds] = {
-        "neighbors": (0, 1e9),
-        "sharpness": (0.01, 100),
-        "shrinkage": (1e-6, 1e6),
-        "reject": (-_INFINITE, _INFINITE),
-        "reject_sd": (0, _INFINITE),
-        "margin": (0, _INFINITE),
-        "min_pose": (0, 1),
-        "mirror": (1, _INFINITE),
-        "relative": (0, 1),
-        "rest": (0, _INFINITE),
-    }
-
 
 @dataclass(frozen=True)
 class LimitSettings(_Section):
@@ -205,15 +182,6 @@ class LimitSettings(_Section):
     memory: int = 4096
     cache: int = 10_240
 
-    _name: ClassVar = "limits"
-    _bounds: ClassVar[_Bounds] = {
-        "pixels": (1, 1e12),
-        "frames": (1, 1e9),
-        "seconds": (0.1, _INFINITE),
-        "memory": (64, 1e9),
-        "cache": (0, 1e9),
-    }
-
 
 SECTIONS: Mapping[str, type] = {
     "pose": PoseSettings,
@@ -222,6 +190,32 @@ SECTIONS: Mapping[str, type] = {
     "classify": ClassifySettings,
     "limits": LimitSettings,
 }
+
+
+BOUNDS: Mapping[str, tuple[float, float]] = {
+    "pose.height": (32, 4096),
+    "pose.score": (0, 1),
+    "pose.fps": (0.001, 100_000),
+    "signals.max_gap": (0, _INFINITE),
+    "signals.min_seen": (0, 1),
+    "signals.min_frames": (1, 1e9),
+    "classify.neighbors": (0, 1e9),
+    "classify.sharpness": (0.01, 100),
+    "classify.shrinkage": (1e-6, 1e6),
+    "classify.reject": (-_INFINITE, _INFINITE),
+    "classify.reject_sd": (0, _INFINITE),
+    "classify.margin": (0, _INFINITE),
+    "classify.min_pose": (0, 1),
+    "classify.mirror": (1, _INFINITE),
+    "classify.relative": (0, 1),
+    "classify.rest": (0, _INFINITE),
+    "limits.pixels": (1, 1e12),
+    "limits.frames": (1, 1e9),
+    "limits.seconds": (0.1, _INFINITE),
+    "limits.memory": (64, 1e9),
+    "limits.cache": (0, 1e9),
+}
+"""Least and greatest value of each number; those of the section dtw are checked by `DtwSpec`."""
 
 
 @dataclass(frozen=True)

@@ -299,8 +299,8 @@ def test_explain_says_why(
         ("short.npy", "E_NOT_FOUND short.npy: there is nothing to explain, rejected E_POSE_SHORT: "),
     ):
         assert run(["explain", "run", name]) == 2
-        said = capsys.readouterr().err
-        assert why in said and said.count(name) == 1
+        error = capsys.readouterr().err
+        assert why in error and error.count(name) == 1
     assert run(["explain", "run", "twin/knee_C.npy"]) == 0
     assert Path("run/explain-twin_knee_C.npy.png").is_file(), (
         "another clip of this name has a plot of its own"

@@ -33,7 +33,8 @@ def test_the_bar_ends_at_its_end(capsys: pytest.CaptureFixture[str]) -> None:
     bar = Bar()
     assert bar.shown.total is None and "looking" in bar.shown.description
     go(bar)
-    assert (bar.shown.completed, bar.shown.total) == (6, 6)
+    total: float | None = bar.shown.total
+    assert (bar.shown.completed, total) == (6, 6)
     assert "frames/s" in bar.shown.fields["speed"]
     assert "{" not in capsys.readouterr().err, "events are for programs"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -98,7 +99,7 @@ def test_a_video_keeps_the_times_of_its_frames(tmp_path: Path) -> None:
 def test_a_failure_leaves_no_half_a_video(tmp_path: Path) -> None:
     pytest.importorskip("av")
 
-    def broken():
+    def broken() -> Iterator[tuple[float, np.ndarray]]:
         yield frames()[0]
         raise RuntimeError("the reader failed")
 
@@ -118,6 +119,7 @@ def test_a_strip_shows_the_beginning_and_the_end(count: int, tmp_path: Path) -> 
     pictures = ((float(i), np.full((60, 80, 3), 2 * i, np.uint8)) for i in range(count))
     assert write_strip(pictures, tmp_path / "out.png", pictures=8, height=30) == count
     strip = cv2.imread(str(tmp_path / "out.png"))
+    assert strip is not None
     assert strip.shape == (30, 40 * min(count, 8), 3)
     shown = strip[0, ::40, 0].astype(int)
     assert (np.diff(shown) > 0).all() and shown[0] == 0 and shown[-1] >= 2 * 0.8 * (count - 1)
