@@ -229,7 +229,7 @@ class GestureError(Exception):
             self.code = code
 
     def about(self, subject: str) -> GestureError:
-        """The same error, said of ``subject`` where it names none yet."""
+        """The same error about ``subject``, where it names none yet."""
         if not self.subject:
             self.subject = subject
         return self

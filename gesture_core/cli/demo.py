@@ -48,7 +48,7 @@ def demo(
         else (archive.videos, archive.examples)
     )
     run = folder / "run"
-    _say_command("", "classify", sources, "--examples", examples, "--out", run)
+    say(f"gesture classify {_quoted(sources)} --examples {_quoted(examples)} --out {_quoted(run)}")
     with progress([str(sources)], [str(examples)]) as listener:
         summary = classify_archive(sources, examples, run, settings, overwrite=True, listener=listener)
     rows = summary.rows()
@@ -58,14 +58,14 @@ def demo(
         truth = {Path(row["path"]).stem: row["label"] for row in csv.DictReader(file)}
     right = sum(row.label == truth[Path(row.input.partition("::")[0]).stem] for row in rows)
     print(f"{right} of {len(rows)} labels are right")
-    _say_command("why: ", "explain", run, rows[0].input.rsplit("/", 1)[-1])
+    say(f"why: gesture explain {_quoted(run)} {_quoted(rows[0].input.rsplit('/', 1)[-1])}")
     if not keypoints:
-        _say_command("what the network sees: ", "render", archive.videos / "clip_01.mp4")
+        say(f"what the network sees: gesture render {_quoted(archive.videos / 'clip_01.mp4')}")
     return summary.exit_code
 
 
-def _say_command(what: str, *arguments: str | Path) -> None:
-    say(f"{what}gesture {shlex.join(map(str, arguments))}")
+def _quoted(argument: str | Path) -> str:
+    return shlex.quote(str(argument))
 
 
 def _has_model(name: str) -> bool:

@@ -73,7 +73,7 @@ def evaluate(
             avoid=out,
             listener=listener,
         )
-    if out is not None:  # before anything is printed: nobody may read it to its end
+    if out is not None:  # before anything is printed: a closed pipe must not cost it
         _write(result, out)
     if len(result.evaluations) > 1:
         _print_grid(result.evaluations)

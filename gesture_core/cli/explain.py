@@ -53,7 +53,7 @@ def explain(
     check_file(target, (".png",))
     title = f"{Path(found.row.input).name}: {found.row.label or found.row.status}"
     missing = None
-    try:  # before anything is printed: nobody may read it to its end
+    try:  # before anything is printed: a closed pipe must not cost it
         explanation_plot(found.explanation, title, target, channels)
     except MissingDependencyError as error:
         missing = error
@@ -70,7 +70,7 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
     near, far = found.nearest, found.runner_up
     print(printable(f"{row.input}: {row.label or '-'} ({f'{row.status} {row.code}'.strip()})"))
     if row.label not in (None, near.label):
-        print(printable(f"  the run said {row.label}, and this version would say {near.label}"))
+        print(printable(f"  the run gave the label {row.label}, this version gives {near.label}"))
     for which, side in (("answer", near), ("runner-up", far)):
         if side is not None:
             mirror = ", mirrored" if side.mirrored else ""
@@ -86,7 +86,7 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
         rows.append(cells)
     columns = ["channel", f"cost: {near.label}"]
     if far is not None:
-        columns += [f"cost: {far.label}", f"speaks for {near.label}"]
+        columns += [f"cost: {far.label}", f"in favour of {near.label}"]
     print_table(columns, rows, right=columns[1:])
     left = len(order) - len(rows)
     what = "costs" if far is None else "differences"
@@ -102,10 +102,10 @@ def _print_examples(found: Explanation) -> None:
     far = found.runner_up
     if not found.voices or far is None:
         return
-    speaks = f"speaks for {found.nearest.label} against {far.label}"
+    favours = f"in favour of {found.nearest.label} over {far.label}"
     largest, rest = found.voices[:_EXAMPLES_SHOWN], found.voices[_EXAMPLES_SHOWN:]
     rows = [[v.example, v.label, f"{v.distance:.4g}", f"{v.says:+.3f}"] for v in largest]
     if rest:
         rows.append([counted(len(rest), "more example"), "", "", f"{sum(v.says for v in rest):+.3f}"])
-    print_table(["example", "label", "distance", speaks], rows, right=["distance", speaks])
-    print(f"all examples decide; what they say adds up to the margin, {found.lead:.3g}")
+    print_table(["example", "label", "distance", favours], rows, right=["distance", favours])
+    print(f"all examples decide; their contributions add up to the margin, {found.lead:.3g}")

@@ -41,7 +41,15 @@ def export(
         target = Path(to) if to else None
         if target is not None:
             check_file(target, flag="--to")
-        print(export_rows(run, format or _format_of(target), target, limits))
+        ending = target.suffix.lower().removeprefix(".") if target else ""
+        names = registry().names("writer")
+        if ending and not format and ending not in names:
+            raise ConfigError(
+                f"--to {target}: no result writer is called {ending!r}",
+                remedy=f"--format with one of {', '.join(names)}",
+                code="E_OPTION",
+            )
+        print(export_rows(run, format or ending or "csv", target, limits))
         return
     with tempfile.TemporaryDirectory() as folder:
         written = export_rows(run, format or "csv", Path(folder) / "rows", limits)
@@ -50,16 +58,3 @@ def export(
                 raise ConfigError(f"{format} is not text", remedy="--to FILE, or a pipe", code="E_OPTION")
             file.seek(0)
             shutil.copyfileobj(file, sys.stdout.buffer)
-
-
-def _format_of(path: Path | None) -> str:
-    """The result writer whose name a file ends in; CSV where it ends in nothing."""
-    ending = path.suffix.lower().removeprefix(".") if path else ""
-    names = registry().names("writer")
-    if ending and ending not in names:
-        raise ConfigError(
-            f"--to {path}: no result writer is called {ending!r}",
-            remedy=f"--format with one of {', '.join(names)}",
-            code="E_OPTION",
-        )
-    return ending or "csv"

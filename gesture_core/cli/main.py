@@ -18,7 +18,7 @@ from gesture_core.errors import Code, ConfigError, GestureError
 from gesture_core.files import printable
 
 EXIT_PIPE = 141
-"""Of a command whose output nobody reads any more: 128 and the number of SIGPIPE."""
+"""Of a command whose output was closed: 128 and the number of SIGPIPE."""
 
 app = App(
     name="gesture",
@@ -80,10 +80,10 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except BrokenPipeError:
-        return _nobody_reads()
+        return _closed_pipe()
     except SystemExit as stop:
         if isinstance(stop.__context__, BrokenPipeError):  # the way in which Rich passes it on
-            return _nobody_reads()
+            return _closed_pipe()
         raise
     except CycloptsError as error:
         return _fail(_usage(error, arguments), Code.USAGE.exit_code, traced)
@@ -107,7 +107,7 @@ def _on_sigterm(_number: int, _frame: FrameType | None) -> None:
     raise _Terminated
 
 
-def _nobody_reads() -> int:
+def _closed_pipe() -> int:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # later flushes must not fail
     return EXIT_PIPE
 
@@ -120,7 +120,7 @@ def _fail(text: str, code: int, traced: bool) -> int:
 
 
 def _check_sources(arguments: Sequence[str], sources: Sequence[str]) -> None:
-    """Refuse sources that the writer hardly meant: further values of an option that takes one."""
+    """Refuse sources that may be further values of an option that takes one."""
     for source in sources:
         if "=" in source and not os.path.lexists(source) and (remedy := _again(arguments, source)):
             raise ConfigError(f"{source} would be a source", remedy=remedy, code="E_USAGE")
@@ -169,7 +169,7 @@ def _usage(error: CycloptsError, arguments: Sequence[str]) -> str:
 
 
 def _refused(error: OSError) -> str:
-    """What the operating system refused, said of the file that was wanted, not of a temporary one."""
+    """What the operating system refused, about the file that was wanted, not a temporary one."""
     wanted = error.filename2 or error.filename
     cause = error.strerror or str(error)
     if isinstance(wanted, str | bytes):

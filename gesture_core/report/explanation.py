@@ -33,7 +33,7 @@ def explanation_plot(explanation: Explanation, title: str, path: Path, channels:
     path : Path
         The ``.png``.
     channels : int
-        How many channels to draw, those first that speak most for or against the decision.
+        How many channels to draw, those first that count most for or against the decision.
 
     Raises
     ------

@@ -37,7 +37,7 @@ from gesture_core.settings.load import check_option, find_key
 from gesture_core.types import PoseSequence
 
 _NAMED = 5
-"""Files or labels that a sentence names; of the others it says that there are some."""
+"""Files or labels that a message lists."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +225,7 @@ def people_of(
 ) -> Iterator[tuple[Input, Extracted, list[PoseSequence]]]:
     """Everybody in each of ``items``, from the keypoint store or extracted in worker processes.
 
-    The parameters are those of `extract.extract_all`, and who is told of it.
+    The parameters are those of `extract.extract_all`, and the listener of its progress.
 
     Yields
     ------

@@ -34,7 +34,7 @@ class RowExplanation:
         decides otherwise than the one that made the run.
     explanation : Explanation
         The nearest example of the label and of the runner-up, with both warpings and what each channel of
-        the movement costs; where all examples decide, also what each of them says.
+        the movement costs; where all examples decide, also what each of them adds to the decision.
     file_name : str
         For a picture of it; no other input of the run has the same one.
     """

@@ -291,6 +291,6 @@ class Settings:
         ConfigError
             For an unknown key (naming the nearest one) or a value of the wrong type.
         """
-        from gesture_core.settings.load import changed  # which reads text; this file only says what there is
+        from gesture_core.settings.load import changed  # which reads text; here is only what there is
 
         return changed(self, values, origin)

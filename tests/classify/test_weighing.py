@@ -314,7 +314,7 @@ def test_a_run_keeps_its_weighing_and_explains_it(
     assert explain_command(tmp_path / "run", row.input, out=tmp_path / "plot.png") == 0
     text = capsys.readouterr().out
     assert row.margin is not None
-    assert f"what they say adds up to the margin, {row.margin:.3g}" in text
+    assert f"their contributions add up to the margin, {row.margin:.3g}" in text
     for name, label, distance in row.neighbors[:2]:
         line = next(line for line in text.splitlines() if name in line)
         assert label in line and f"{distance:.4g}" in line

@@ -282,7 +282,7 @@ def test_explain_says_why(
         database.execute("UPDATE rows SET label = 'other' WHERE input LIKE '%up_C.npy'")
     database.close()
     assert run(["explain", "run", "up_"]) == 0, "a part of the name is enough where only one has it"
-    assert "the run said other, and this version would say up" in capsys.readouterr().out
+    assert "the run gave the label other, this version gives up" in capsys.readouterr().out
     for wrong, hint in (
         (["nobody.npy"], "no input of the run is 'nobody.npy'"),
         (["C.npy"], "could be any of 4 inputs"),
