@@ -110,7 +110,9 @@ def test_importing_the_package_imports_no_numpy() -> None:
 
 
 def test_help_imports_nothing_heavy() -> None:
-    code = "from gesture_core.cli.main import run\nassert run(['--help']) == 0"
+    code = "from gesture_core.cli.main import _COMMANDS, run\nassert run(['--help']) == 0"
+    assert not loaded_by(code) & (HEAVY | {"numpy", "scipy", "pluggy"})
+    code += "\nfor name in _COMMANDS:\n    assert run([name, '--help']) == 0"
     assert not loaded_by(code) & (HEAVY | {"numpy", "scipy"})
 
 

@@ -14,7 +14,6 @@ from gesture_core.cli.flags import UNSAID
 from gesture_core.cli.output import check_file
 from gesture_core.errors import ConfigError
 from gesture_core.plugin import registry
-from gesture_core.run.export import export_rows
 from gesture_core.settings import load_settings
 
 
@@ -36,6 +35,8 @@ def export(
     to
         The file, or - for standard output; <run>/results.<format> by default.
     """
+    from gesture_core.run.export import export_rows
+
     limits = load_settings().limits
     if to != "-":
         target = Path(to) if to else None
