@@ -157,22 +157,8 @@ def check_file(
 ) -> None:
     """Raise where no file can be written at ``path``: before the work begins, not after hours of it.
 
-    Parameters
-    ----------
-    path : path
-    suffixes : sequence of str
-        What its name may end in; anything by default.
-    flag : str
-        The flag that named it.
-    replace : bool
-        Whether a file that is there may be replaced.
-
-    Raises
-    ------
-    InputError
-        ``E_OPTION`` for another suffix, ``E_EXISTS`` for a file that is to stay.
-    ConfigError
-        ``E_OUT`` for a folder, or a place that cannot be written to.
+    ``E_OPTION`` for a name that ends in none of ``suffixes``, ``E_EXISTS`` for a file that is there and not
+    to be replaced, ``E_OUT`` for a folder or a place that cannot be written to.
     """
     if suffixes and path.suffix.lower() not in suffixes:
         remedy = f"a name that ends in {' or '.join(suffixes)}"
