@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
 from gesture_core.files import content_sha256, stamp, tree_sha256
 from gesture_core.plugin import registry
+from gesture_core.plugin.interfaces import VideoLimits
 from gesture_core.run.probe import probe
 from gesture_core.run.pruning import mark_used
 from gesture_core.run.store import read_keypoints, write_keypoints
@@ -127,12 +128,11 @@ class Extractor:
         backend = self._backend
         on_frames(0)
         from gesture_core.pose.extract import extract_poses
-        from gesture_core.video.limits import Limits
-        from gesture_core.video.reader import open_video
+        from gesture_core.video import open_video
 
         settings = self._job.settings
-        limits = Limits.of(settings.limits)
-        with open_video(task.path, settings.pose.reader, limits) as video:
+        limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
+        with open_video(task.path, settings.pose.reader, limits, settings.options) as video:
             frames = _Counted(video, on_frames)
             sequences = extract_poses(
                 frames, backend, settings.pose.people, follow=settings.pose.follow, source=str(task.path)
@@ -187,13 +187,14 @@ class Extractor:
     def _backend(self) -> PoseBackend:
         self._on_opening()
         from gesture_core.pose.extract import open_backend
-        from gesture_core.video.reader import reader_name
+        from gesture_core.video import reader_name
 
         # What decoding needs is loaded now, so that the first video does not seem to stand still.
-        import_module("cv2")
-        if reader_name(self._job.settings.pose.reader) == "pyav":
-            import_module("av")
-        return open_backend(self._job.settings, self._job.threads)
+        settings = self._job.settings
+        reader = reader_name(settings.pose.reader, settings.options)
+        for module in ("cv2", *registry().find("video", reader).needs):
+            import_module(module)
+        return open_backend(settings, self._job.threads)
 
 
 def plugin_of(task: Task, settings: Settings) -> str:

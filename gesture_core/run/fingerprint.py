@@ -29,7 +29,7 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
     """
     from gesture_core.pose.extract import REVISION
     from gesture_core.pose.models import find_model
-    from gesture_core.video.reader import reader_name
+    from gesture_core.video import reader_name
 
     plugins = registry()
     pose = settings.as_dict()["pose"]
