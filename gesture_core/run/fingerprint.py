@@ -42,13 +42,18 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
         if with_model:
             raise
         model = None
+    reader = reader_name(settings.pose.reader, settings.options)
     video = {
         "package": gesture_core.__version__,
         "extraction": REVISION,
         "settings": pose,
         "backend": str(plugins.find("pose", settings.pose.backend).origin),
         "options": settings.plugin_options(settings.pose.backend),
-        "reader": reader_name(settings.pose.reader),
+        "reader": {
+            "name": reader,
+            "origin": str(plugins.find("video", reader).origin),
+            "options": settings.plugin_options(reader),
+        },
         "model": model,
     }
     readers = {

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import sys
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 from gesture_core.errors import MediaError
 from gesture_core.files import open_regular, printable
@@ -17,18 +17,11 @@ from gesture_core.files import open_regular, printable
 _HEAD_BYTES = 4096
 _BOXES = (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot", b"moof", b"styp", b"sidx", b"uuid")
 _MAGIC: dict[bytes, str] = {
-    b"\x1a\x45\xdf\xa3": "matroska",
-    b"FLV\x01": "flv",
-    b"OggS": "ogg",
-    b"GIF87a": "gif",
-    b"GIF89a": "gif",
-    b"\x30\x26\xb2\x75\x8e\x66\xcf\x11": "asf",
-    b"\x00\x00\x01\xba": "mpeg",
-    b"\x00\x00\x01\xb3": "mpegvideo",
-    b"YUV4MPEG2": "yuv4mpegpipe",
-    b"DKIF": "ivf",
+    b"\x1a\x45\xdf\xa3": "matroska", b"FLV\x01": "flv", b"OggS": "ogg", b"GIF87a": "gif", b"GIF89a": "gif",
+    b"\x30\x26\xb2\x75\x8e\x66\xcf\x11": "asf", b"\x00\x00\x01\xba": "mpeg",
+    b"\x00\x00\x01\xb3": "mpegvideo", b"YUV4MPEG2": "yuv4mpegpipe", b"DKIF": "ivf",
     b"\x06\x0e\x2b\x34\x02\x05\x01\x01": "mxf",
-}
+}  # fmt: skip
 _RAW_SUFFIXES = {
     ".h264": "h264", ".264": "h264", ".avc": "h264",
     ".h265": "hevc", ".265": "hevc", ".hevc": "hevc",
@@ -51,30 +44,22 @@ def open_container(path: Path) -> tuple[BinaryIO, str]:
         the first bytes are of no known container, which says whether it is a playlist.
     """
     buffered = open_regular(path, sys.maxsize, MediaError, "E_MEDIA")
-    assert isinstance(buffered, io.BufferedReader)
     # A decoder that is given the descriptor must find the file where Python left it.
-    file = buffered.detach()
-    assert isinstance(file, io.FileIO)
+    file = cast(io.FileIO, cast(io.BufferedReader, buffered).detach())
     try:
         head = file.read(_HEAD_BYTES)
-        if not head:
-            raise MediaError(
-                "is empty, 0 bytes", subject=printable(path), remedy="copy it again", code="E_MEDIA_EMPTY"
-            )
         file.seek(0)
         container = _container_of(head, path.suffix.lower())
         if container:
             return file, container
-        if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(_PLAYLISTS):
+        code, remedy = "E_MEDIA_FORMAT", "a video in mp4, mov, mkv, webm, avi, flv, ts or gif"
+        if not head:
+            cause, code, remedy = "is empty, 0 bytes", "E_MEDIA_EMPTY", "copy it again"
+        elif head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(_PLAYLISTS):
             cause = "is a playlist, a text that would make the decoder open other files"
         else:
             cause = f"its first bytes ({head[:8].hex(' ')}) are of no video container known here"
-        raise MediaError(
-            cause,
-            subject=printable(path),
-            remedy="a video in mp4, mov, mkv, webm, avi, flv, ts or gif",
-            code="E_MEDIA_FORMAT",
-        )
+        raise MediaError(cause, subject=printable(path), remedy=remedy, code=code)
     except BaseException:
         file.close()
         raise

@@ -15,7 +15,7 @@ from gesture_core.files import printable
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReport
 from gesture_core.plugin.registry import calling
 from gesture_core.video.containers import open_container
-from gesture_core.video.frames import Clock, fit, quarter_turns, upright
+from gesture_core.video.frames import Clock, fit, upright
 from gesture_core.video.integrity import MAX_FPS, DamageLog
 
 
@@ -50,19 +50,12 @@ class VideoDecoder(ABC):
                         self.log.damage("frame with damaged parts")
                     yield picture.seconds, picture.bgr
 
-    Parameters
-    ----------
-    path : Path
-    limits : VideoLimits
-
     Attributes
     ----------
     name : str
         Under which the reader is registered.
-    path : Path
-    subject : str
-        ``path`` as errors print it.
-    limits : VideoLimits
+    path, limits
+        As given; ``subject`` is the path as errors print it.
     file : binary file
         Open for reading, unbuffered, at its start.
     container : str
@@ -73,11 +66,6 @@ class VideoDecoder(ABC):
         Takes what must be released, as soon as it is there; closed however far the video was opened.
     info : VideoInfo
         What `start` returned.
-
-    Raises
-    ------
-    MediaError
-        Those of `open_container` and of `start`.
     """
 
     name: ClassVar[str]
@@ -132,19 +120,15 @@ class VideoDecoder(ABC):
         try:
             for stamp, stored in self.frames():
                 time = clock.at(stamp)
+                kept = f"{self._read} frames"
                 if self._read >= limits.max_frames:
-                    raise self.error(
-                        f"holds more than {limits.max_frames} frames",
-                        "E_MEDIA_LIMIT",
-                        "--set limits.frames=… with a larger figure, or cut the video",
-                        kept=f"{self._read} frames",
-                    )
+                    remedy = "--set limits.frames=… with a larger figure, or cut the video"
+                    cause = f"holds more than {limits.max_frames} frames"
+                    raise self.error(cause, "E_MEDIA_LIMIT", remedy, kept)
                 if time > limits.max_seconds:
+                    remedy = "cut the video, or from Python a larger VideoLimits.max_seconds"
                     raise self.error(
-                        f"is longer than {limits.max_seconds:g} s",
-                        "E_MEDIA_LIMIT",
-                        "cut the video, or from Python a larger VideoLimits.max_seconds",
-                        kept=f"{self._read} frames",
+                        f"is longer than {limits.max_seconds:g} s", "E_MEDIA_LIMIT", remedy, kept
                     )
                 frame = upright(stored, info.rotation, info.mirrored)
                 if frame.shape[:2] != (info.height, info.width):
@@ -178,22 +162,19 @@ class VideoDecoder(ABC):
         ----------
         width, height : int
             Pixels of the stored picture.
-        codec : str
         declared : int, optional
             Frames that the header claims.
         rates : sequence of float
             What may be the frames a second, the best figure first.
-        rotation : float
-            Degrees clockwise by which a stored picture is turned to stand upright.
-        mirrored : bool
-            Whether it is flipped left to right after that.
+        codec, rotation, mirrored
+            As in `VideoInfo`; any rotation counts as the nearest quarter turn.
         pixel_aspect : (int, int)
             Width to height of one pixel.
         """
         across, down = pixel_aspect
         if across != down:
             self.log.note(f"pixels are not square ({across}:{down}); pictures are used as they are stored")
-        turned = quarter_turns(rotation)
+        turned = round(rotation / 90) % 4 * 90
         if turned % 180:
             width, height = height, width
         return VideoInfo(
@@ -214,11 +195,10 @@ class VideoDecoder(ABC):
         To be asked before memory is allocated for it.
         """
         if width * height > self.limits.max_pixels:
-            raise self.error(
-                f"its frames of {width:g} x {height:g} pixels exceed the limit of {self.limits.max_pixels}",
-                "E_MEDIA_LIMIT",
-                "--set limits.pixels=… with a larger figure",
+            cause = (
+                f"its frames of {width:g} x {height:g} pixels exceed the limit of {self.limits.max_pixels}"
             )
+            raise self.error(cause, "E_MEDIA_LIMIT", "--set limits.pixels=… with a larger figure")
 
     def error(
         self, cause: str, code: str, remedy: str = "copy it again from where it came", kept: str = ""
@@ -226,12 +206,8 @@ class VideoDecoder(ABC):
         """A MediaError about this file; the remedy is that for damaged files unless another one is given."""
         return MediaError(cause, subject=self.subject, kept=kept, remedy=remedy, code=code)
 
-    def close(self) -> None:
-        """Release the decoder and the file."""
-        self.resources.close()
-
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.close()
+        self.resources.close()

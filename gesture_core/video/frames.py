@@ -29,7 +29,7 @@ class Clock:
 
     def __init__(self, fps: float | None, log: DamageLog) -> None:
         self._step = 1 / (fps or _DEFAULT_FPS)
-        self._assumed = fps is None
+        self._rate = f"{fps or _DEFAULT_FPS:g} frames/s{'' if fps else ' assumed'}"
         self._log = log
         self._offset = 0.0
         self._last: float | None = None
@@ -38,8 +38,7 @@ class Clock:
         """Seconds of the next frame, whose stamp is ``stamp`` seconds or None."""
         following = 0.0 if self._last is None else self._last + self._step
         if stamp is None or not math.isfinite(stamp):
-            rate = f"{1 / self._step:g} frames/s" + (" assumed" if self._assumed else "")
-            self._log.note(f"frame without a time stamp, placed at {rate}")
+            self._log.note(f"frame without a time stamp, placed at {self._rate}")
             time = following
         else:
             time = stamp + self._offset
@@ -55,11 +54,6 @@ class Clock:
             time = following
         self._last = time
         return time
-
-
-def quarter_turns(degrees: float) -> int:
-    """The multiple of 90 in 0..270 that is nearest to ``degrees``."""
-    return round(degrees / 90) % 4 * 90
 
 
 def upright(frame: np.ndarray, rotation: int, mirrored: bool = False) -> np.ndarray:

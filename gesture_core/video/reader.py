@@ -29,8 +29,7 @@ def open_video(
         fails here.
     reader : str
         Name of a video reader, or ``auto``: ``pyav`` where PyAV is installed and ``opencv`` elsewhere;
-        ``info.reader`` says which. PyAV counts damage; OpenCV can only compare the number of frames with
-        a header that is believable.
+        ``info.reader`` says which.
     limits : VideoLimits, optional
     options : mapping of mappings, optional
         Options of plugins by their name, as in `Settings.options`.
@@ -45,13 +44,6 @@ def open_video(
         Where there is no reader of that name, or it raises anything else.
     MissingDependencyError
         Where what the reader needs is not installed.
-
-    Examples
-    --------
-    >>> with open_video("clip.mp4") as video:  # doctest: +SKIP
-    ...     for seconds, frame in video:
-    ...         print(f"{seconds:.2f} s, {frame.shape}")
-    ...     print(video.report.complete, video.report.notes)
     """
     name, chosen = _choose(reader, options or {})
     with calling(registry().find("video", name), passing=(OSError,)):

@@ -44,12 +44,7 @@ _OVERHANG = 0.25
 class DamageLog:
     """The running account of what was lost.
 
-    Attributes
-    ----------
-    damaged : int
-        Events that prove damage.
-    notes : dict
-        Clause -> how often it was noted.
+    ``damaged`` counts events that prove damage; ``notes`` maps a clause to how often it was noted.
     """
 
     damaged: int = 0
@@ -87,30 +82,22 @@ class Integrity:
         FFmpeg's name.
     log : DamageLog
         Receives what is missing.
-    packets : int
-        Packets of the picture stream that hold data.
-    empty : int
-        Packets without data, which repeat the last picture.
-    unshown : int
-        Packets that only refresh a reference picture.
-    hidden : int
-        Packets that an edit list keeps from being shown.
-    refused : int
-        Packets that raised in the decoder.
+    packets, empty : int
+        Packets of the picture stream with data, and without, which repeat the last picture.
+    unshown, hidden, refused : int
+        Of those with data, how many only refresh a reference picture, are kept from being shown by an edit
+        list, and raised in the decoder.
     frames : int
         Frames that the decoder gave.
     stamps : list of float
-        Seconds of the frames, as the container gives them.
+        Their seconds, as the container gives them.
     trimmed : int
         Declared frames that an edit list leaves out of the index altogether.
-    end : float
-        Seconds at which the last packet of any stream ends.
-    size : int
-        Bytes of the packets of all streams.
-    places : int
-        Places of the file that gave packets; several sounds may lie in one block.
-    holes : int
-        Stretches of the file between two packets that no packet covers.
+    end, size : float, int
+        Seconds at which the last packet of any stream ends, and bytes of the packets of all streams.
+    places, holes : int
+        Places of the file that gave packets (several sounds may lie in one block), and stretches between two
+        packets that no packet covers.
     """
 
     file: BinaryIO
@@ -171,68 +158,56 @@ class Integrity:
         ----------
         declared : int or None
             Frames that the header promises.
-        duration : float, optional
-            Seconds that the header promises for all streams.
-        shown : float, optional
-            Seconds that it promises for the pictures.
-        track : int
-            Number of the picture track in a mov file.
-        indexed : int
-            Samples in the index of the picture track, 0 where that is not known.
+        duration, shown : float, optional
+            Seconds that it promises for all streams, and for the pictures.
+        track, indexed : int
+            In a mov file, number of the picture track and samples in its index, 0 where that is not known.
         picture_streams : int
             Streams of pictures.
         """
+        damage = self.log.damage
         promised = duration if self.container in _TIMED else None
         position = self.file.tell()
         if self.container == "mov":
+            fragments = read_fragments(self.file)
+            if fragments.fault:
+                damage(f"broken chain of fragments: {fragments.fault}")
+            unread = fragments.payload - self.size
+            if unread > max(_PADDING, fragments.payload // 50):
+                damage(f"{unread} bytes of media data belong to no packet")
             self.trimmed = max(0, declared - indexed) if declared and indexed else 0
-            declared = self._compare_fragments(track, declared)
-            if self._cut:
+            declared = (declared or 0) + fragments.samples.get(track, 0) or None
+            if self.hidden or self.trimmed:
                 promised = shown
                 fault = edit_list_fault(self.file, track)
                 if fault:
-                    self.log.damage(f"frames hidden by a header that contradicts itself: {fault}")
+                    damage(f"frames hidden by a header that contradicts itself: {fault}")
         elif self.container == "matroska":
             blocks = read_blocks(self.file)
             if blocks.fault:
-                self.log.damage(f"broken chain of elements: {blocks.fault}")
+                damage(f"broken chain of elements: {blocks.fault}")
             lost = blocks.count - self.places
             if lost > 0:
-                self.log.damage(f"blocks that gave no packet: {lost}", lost)
+                damage(f"blocks that gave no packet: {lost}", lost)
             self.holes += blocks.voids
             if blocks.closed:
                 # Sound may end before the header says; a file that is all there has lost nothing for it.
                 promised = None
         elif self.container == "flv" and picture_streams > 1:
-            self.log.damage("pictures of a second codec, for which FLV has no room")
+            damage("pictures of a second codec, for which FLV has no room")
         self.file.seek(position)
         self._compare_counts(declared, promised)
 
-    @property
-    def _cut(self) -> bool:
-        """Whether an edit list keeps some of the frames from being shown."""
-        return bool(self.hidden or self.trimmed)
-
-    def _compare_fragments(self, track: int, declared: int | None) -> int | None:
-        """Frames that the movie header and the fragments promise together."""
-        fragments = read_fragments(self.file)
-        if fragments.fault:
-            self.log.damage(f"broken chain of fragments: {fragments.fault}")
-        unread = fragments.payload - self.size
-        if unread > max(_PADDING, fragments.payload // 50):
-            self.log.damage(f"{unread} bytes of media data belong to no packet")
-        return (declared or 0) + fragments.samples.get(track, 0) or None
-
     def _compare_counts(self, declared: int | None, promised: float | None) -> None:
         """Frames against those declared, packets against frames, stamps against pace and duration."""
-        damage, stamps = self.log.damage, self.stamps
+        damage, stamps, cut = self.log.damage, self.stamps, self.hidden or self.trimmed
         absent = (declared or 0) - self.trimmed - self.packets - self.empty
         if absent > 0:
             damage(f"{absent} of {declared} declared frames are not in the file", absent)
         silent = self.packets - self.unshown - self.hidden - self.refused - self.frames
         if silent > 0:
             damage(f"packets that gave no frame: {silent}", silent)
-        lost = gaps(stamps) if self.holes or self._cut else 0
+        lost = gaps(stamps) if self.holes or cut else 0
         if lost:
             damage(f"gaps in a constant pace, as of {lost} lost frames", lost)
         intervals = np.diff(stamps)
@@ -243,7 +218,7 @@ class Integrity:
             return
         step = float(np.median(intervals)) if len(intervals) else 0.04
         end, slack = self.end, _TIMED.get(self.container, 0.6) * step
-        if self._cut:
+        if cut:
             # A trimmed file shows all of its edit. Where damaged tables moved a frame out of the edit,
             # the frames that are left do not fill it, or do not come in order.
             end, slack = max(stamps) + step, 0.6 * step
@@ -253,14 +228,9 @@ class Integrity:
             damage(f"ends at {end:.2f} of {promised:.2f} declared seconds")
 
     def compare_frames(self, *, declared: int | None, duration: float | None) -> None:
-        """Tell the log what is missing, after the last frame, to a reader that sees no packets.
+        """Tell the log what is missing, after the last frame, for a reader that sees no packets.
 
-        Parameters
-        ----------
-        declared : int or None
-            From `believable_count`.
-        duration : float or None
-            Seconds that the header promises.
+        ``declared`` frames come from `believable_count`, ``duration`` in seconds from the header.
         """
         position = self.file.tell()
         if self.container == "mov":
@@ -294,10 +264,7 @@ class Integrity:
 def gaps(stamps: Sequence[float]) -> int:
     """Frames that are absent from a recording of constant pace; 0 where the pace is not constant.
 
-    Parameters
-    ----------
-    stamps : sequence of float
-        Seconds of the frames, in order.
+    ``stamps`` are the seconds of its frames, in order.
     """
     intervals = np.diff(np.asarray(stamps, np.float64))
     if len(intervals) < _MIN_INTERVALS:

@@ -31,16 +31,8 @@ _LENGTHS = {b"mvhd": (100, 112), b"tkhd": (84, 96), b"mdhd": (24, 36)}
 
 @dataclass(frozen=True)
 class Fragments:
-    """The fragments of a file.
-
-    Attributes
-    ----------
-    fault : str
-        What is wrong with them; empty where nothing is.
-    samples : mapping
-        Track number -> samples that its fragments announce, beside those of the movie header.
-    payload : int
-        Bytes of media data, all tracks together.
+    """The fragments of a file: what is wrong with them, empty where nothing is; track number -> samples that
+    they announce, beside those of the movie header; bytes of media data, all tracks together.
     """
 
     fault: str = ""
@@ -122,7 +114,6 @@ def edit_list_fault(file: BinaryIO, track: int) -> str:
 
 
 def _check_edit_list(header: bytes, number: int) -> None:
-    """A ValueError says what speaks against the header."""
     movie_clock = _fields(header, b"mvhd", ">III", ">QQI", 2)[0]
     for kind, track in _boxes(header):
         if kind == b"trak" and _fields(track, b"tkhd", ">III", ">QQI", 2)[0] == number:

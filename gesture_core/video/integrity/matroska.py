@@ -33,18 +33,9 @@ _MAX_ELEMENTS = 5_000_000
 
 @dataclass(frozen=True)
 class Blocks:
-    """What a file holds for its demuxer.
-
-    Attributes
-    ----------
-    fault : str
-        Where the chain breaks; empty where it does not.
-    count : int
-        Blocks of all tracks that hold data.
-    voids : int
-        Stretches among the blocks that are marked as unused.
-    closed : bool
-        The file says how long it is, and is all there.
+    """What a file holds for its demuxer: where the chain breaks, empty where it does not; blocks of all
+    tracks that hold data; stretches among the blocks that are marked as unused; whether the file says how
+    long it is, and is all there.
     """
 
     fault: str = ""
