@@ -11,15 +11,8 @@ from conftest import ROOT
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.plugin import registry
 from gesture_core.settings import load_settings, presets
-from gesture_core.testing import (
-    KERNEL_CHECKS,
-    Case,
-    check_nothing_in_common,
-    check_reference,
-    check_single_frames,
-    compare,
-    draw_batch,
-)
+from gesture_core.testing import KERNEL_CHECKS, Case, compare, draw_batch
+from gesture_core.testing.kernels import check_nothing_in_common, check_reference, check_single_frames
 from gesture_core.types import SignalBatch
 
 KERNELS = registry().names("kernel", usable=True)
