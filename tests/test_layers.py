@@ -19,9 +19,9 @@ FLOORS = [
     {"types", "plugin"},
     {"settings"},
     {"video", "pose", "signals", "dtw", "demo"},
-    {"classify", "testing"},
+    {"classify"},
     {"run"},
-    {"report"},
+    {"report", "testing"},
     {"cli", "__main__"},
 ]
 

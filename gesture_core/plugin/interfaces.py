@@ -64,6 +64,7 @@ class Person:
     scores: np.ndarray
 
 
+@runtime_checkable
 class PoseBackend(Protocol):
     """Finds people in pictures. Constructed with ``model`` (a `pose.models.ModelFile`) and options."""
 
@@ -78,6 +79,7 @@ class PoseBackend(Protocol):
         ...
 
 
+@runtime_checkable
 class KeypointReader(Protocol):
     """Reads ready-made keypoint files.
 
@@ -102,6 +104,7 @@ class KeypointReader(Protocol):
         ...
 
 
+@runtime_checkable
 class Normalizer(Protocol):
     """Brings keypoints into the body's own frame of reference."""
 
@@ -110,6 +113,7 @@ class Normalizer(Protocol):
         ...
 
 
+@runtime_checkable
 class Filter(Protocol):
     """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out.
 
@@ -125,6 +129,7 @@ class Filter(Protocol):
         ...
 
 
+@runtime_checkable
 class Selector(Protocol):
     """Chooses the salient dimensions of one sequence."""
 
@@ -154,6 +159,7 @@ class DistanceKernel(Protocol):
         ...
 
 
+@runtime_checkable
 class ResultWriter(Protocol):
     """Writes the rows of a run to a file."""
 
@@ -164,6 +170,7 @@ class ResultWriter(Protocol):
         ...
 
 
+@runtime_checkable
 class ExecutionEngine(Protocol):
     """Runs one job over many tasks. Constructed with ``workers`` and ``limits``.
 

@@ -1,13 +1,14 @@
 """Conformance suites: what a plugin of each kind must do, as checks for its author's own tests.
 
 >>> import pytest
->>> from gesture_core.testing import KERNEL_CHECKS
->>> @pytest.mark.parametrize("check", KERNEL_CHECKS)
-... def test_my_kernel(check):
-...     check(MyKernel())
+>>> from gesture_core.testing import FILTER_CHECKS
+>>> @pytest.mark.parametrize("check", FILTER_CHECKS)
+... def test_my_filter(check):
+...     check(MyFilter())
 
-A check takes a plugin and raises `AssertionError`, whose message says which line of the contract is
-broken. The package's own tests run the suites over every registered plugin.
+A check takes a plugin, of keypoint readers a sample file as well, and raises `AssertionError`, whose
+message says which line of the contract is broken. The package's own tests run the suites over every
+registered plugin.
 """
 
 from __future__ import annotations
@@ -18,23 +19,74 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gesture_core.testing.kernels import KERNEL_CHECKS, Case, compare, draw_batch, reference_table
+    from gesture_core.testing.poses import POSE_CHECKS, draw_frames
+    from gesture_core.testing.readers import READER_CHECKS
+    from gesture_core.testing.signals import (
+        FILTER_CHECKS,
+        NORMALIZER_CHECKS,
+        SELECTOR_CHECKS,
+        draw_pose,
+        draw_signals,
+    )
+    from gesture_core.testing.writers import WRITER_CHECKS, draw_rows
 
-_SUITES = {"kernel": "KERNEL_CHECKS"}
 _MODULES = {
     "Case": "kernels",
+    "FILTER_CHECKS": "signals",
     "KERNEL_CHECKS": "kernels",
+    "NORMALIZER_CHECKS": "signals",
+    "POSE_CHECKS": "poses",
+    "READER_CHECKS": "readers",
+    "SELECTOR_CHECKS": "signals",
+    "WRITER_CHECKS": "writers",
     "compare": "kernels",
     "draw_batch": "kernels",
+    "draw_frames": "poses",
+    "draw_pose": "signals",
+    "draw_rows": "writers",
+    "draw_signals": "signals",
     "reference_table": "kernels",
 }
 
-__all__ = ["Case", "KERNEL_CHECKS", "checks_for", "compare", "draw_batch", "reference_table"]
+__all__ = [
+    "FILTER_CHECKS",
+    "KERNEL_CHECKS",
+    "NORMALIZER_CHECKS",
+    "POSE_CHECKS",
+    "READER_CHECKS",
+    "SELECTOR_CHECKS",
+    "WRITER_CHECKS",
+    "Case",
+    "checks_for",
+    "compare",
+    "draw_batch",
+    "draw_frames",
+    "draw_pose",
+    "draw_rows",
+    "draw_signals",
+    "reference_table",
+]
 
 
 def checks_for(kind: str) -> tuple[Callable[..., None], ...]:
-    """The suite of a kind of plugin, by its name in `gesture_core.plugin.interfaces.KINDS`."""
-    suite: tuple[Callable[..., None], ...] = __getattr__(_SUITES[kind])
-    return suite
+    """The suite of a kind of plugin.
+
+    Parameters
+    ----------
+    kind : str
+        Its name in `gesture_core.plugin.interfaces.KINDS`, such as ``"filter"``.
+
+    Raises
+    ------
+    ValueError
+        Where there is no such kind.
+    """
+    name = f"{kind.upper()}_CHECKS"
+    if name not in _MODULES:
+        kinds = sorted(name.removesuffix("_CHECKS").lower() for name in _MODULES if name.isupper())
+        raise ValueError(f"no kind of plugin {kind!r}; one of {', '.join(kinds)}")
+    checks: tuple[Callable[..., None], ...] = __getattr__(name)
+    return checks
 
 
 def __getattr__(name: str) -> Any:
