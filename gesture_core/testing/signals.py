@@ -54,20 +54,15 @@ def check_normalizer_shape(normalizer: Normalizer) -> None:
     """(T, 18, 2) real coordinates, finite where the body is seen well."""
     name = type(normalizer).__name__
     assert isinstance(normalizer, Normalizer), f"{name} has no method normalize"
-    pose = draw_pose()
-    points = ask(normalizer.normalize, pose)
-    assert np.shape(points) == (len(pose), len(COCO18.joints), 2), (
-        f"{name}.normalize returns the shape {np.shape(points)}, expected (T, 18, 2): "
-        f"{(len(pose), len(COCO18.joints), 2)}"
-    )
-    assert np.asarray(points).dtype.kind == "f", f"{name}.normalize returns no array of floats"
+    points = _coordinates(normalizer, draw_pose())
+    assert points.dtype.kind == "f", f"{name}.normalize returns an array of {points.dtype}, expected floats"
     assert np.isfinite(points).mean() > 0.5, f"{name}.normalize finds no place for joints that are all seen"
 
 
 def check_normalizer_missing(normalizer: Normalizer) -> None:
     """NaN stays NaN, and what is not known is NaN, never infinite."""
     name, pose = type(normalizer).__name__, _with_gaps(draw_pose())
-    points = ask(normalizer.normalize, pose)
+    points = _coordinates(normalizer, pose)
     assert not np.isinf(points).any(), f"{name}.normalize returns infinity; what is not known is NaN"
     assert np.isnan(points[~pose.seen]).all(), (
         f"{name}.normalize gives coordinates to a joint that was not seen; NaN stays NaN"
@@ -77,26 +72,22 @@ def check_normalizer_missing(normalizer: Normalizer) -> None:
 
 def check_normalizer_units(normalizer: Normalizer) -> None:
     """Body units: where the person stands and how large they are in the picture changes nothing."""
-    name, pose = type(normalizer).__name__, draw_pose()
-    here = ask(normalizer.normalize, pose)
-    elsewhere = _pose(pose.keypoints * 1.7 + np.array([90, 30]))
-    there = ask(normalizer.normalize, elsewhere)
-    assert np.allclose(here, there, atol=1e-3, equal_nan=True), (
-        f"{name}.normalize gives other coordinates where the same person stands nearer to the camera and "
-        "to the side; they are in the body's units and seen from the body's origin"
+    pose = draw_pose()
+    nearer = _pose(pose.keypoints * 1.7 + np.array([90, 30]))
+    assert _near(_coordinates(normalizer, pose), _coordinates(normalizer, nearer)), (
+        f"{type(normalizer).__name__}.normalize gives other coordinates where the same person stands nearer "
+        "to the camera and to the side; they are in the body's units and seen from the body's origin"
     )
 
 
 def check_normalizer_mirror(normalizer: Normalizer) -> None:
     """The origin is on the body's middle line, so that a mirrored person has mirrored coordinates."""
-    name, pose = type(normalizer).__name__, draw_pose(1, "swipe")
-    order = list(COCO18.mirror)
+    pose, order = draw_pose(1, "swipe"), list(COCO18.mirror)
     turned = _pose((pose.keypoints * (-1, 1) + (_SIZE[0], 0))[:, order])
-    wanted = np.asarray(ask(normalizer.normalize, pose))[:, order] * (-1, 1)
-    got = ask(normalizer.normalize, turned)
-    assert np.allclose(got, wanted, atol=1e-3, equal_nan=True), (
-        f"{name}.normalize of a mirrored person is not the mirrored answer; its origin must be on the "
-        "body's middle line, and left and right must be treated alike"
+    wanted = _coordinates(normalizer, pose)[:, order] * (-1, 1)
+    assert _near(_coordinates(normalizer, turned), wanted), (
+        f"{type(normalizer).__name__}.normalize of a mirrored person is not the mirrored answer; its origin "
+        "must be on the body's middle line, and left and right must be treated alike"
     )
 
 
@@ -107,20 +98,33 @@ def check_normalizer_memory(normalizer: Normalizer) -> None:
 
 def check_normalizer_short(normalizer: Normalizer) -> None:
     """One frame, none, nobody, or a body without a size: coordinates or a GestureError, never infinity."""
-    name, pose = type(normalizer).__name__, draw_pose()
-    points = pose.keypoints
+    name, points = type(normalizer).__name__, draw_pose().keypoints
     for what, odd in (
         ("one frame", points[:1]),
         ("no frame", points[:0]),
         ("nobody in any frame", np.full_like(points, np.nan)),
         ("all joints in one place", np.full_like(points, 100.0)),
     ):
-        given = _pose(odd)
         with np.errstate(all="ignore"):
-            found = ask_or_refuse(what, normalizer.normalize, given)
+            found = ask_or_refuse(what, normalizer.normalize, _pose(odd))
         if found is not None:
             assert np.shape(found) == odd.shape, f"{name}.normalize of {what}: shape {np.shape(found)}"
             assert not np.isinf(found).any(), f"{name}.normalize of {what} is infinite; NaN or a PoseError"
+
+
+def _coordinates(normalizer: Normalizer, pose: PoseSequence) -> np.ndarray:
+    """What ``normalizer`` makes of ``pose``, of the right shape."""
+    name, wanted = type(normalizer).__name__, (len(pose), len(COCO18.joints), 2)
+    points = np.asarray(ask(normalizer.normalize, pose))
+    assert points.shape == wanted, (
+        f"{name}.normalize returns the shape {points.shape}, expected (T, 18, 2): {wanted}"
+    )
+    return points
+
+
+def _near(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether coordinates are the same but for the rounding of pixels to float32."""
+    return np.allclose(one, other, atol=1e-3, equal_nan=True)
 
 
 NORMALIZER_CHECKS: tuple[Callable[[Normalizer], None], ...] = (
@@ -138,8 +142,7 @@ def check_filter_answer(step: Filter) -> None:
     """Signals with channel names of their own, the source as it was, times within those of the input."""
     name, signals = type(step).__name__, draw_signals()
     assert isinstance(step, Filter), f"{name} has no method apply"
-    found = ask(step.apply, signals)
-    assert isinstance(found, Signals), f"{name}.apply returns {type(found).__name__}, expected Signals"
+    found = _applied(step, signals)
     twice = {channel for channel in found.channels if found.channels.count(channel) > 1}
     assert not twice, f"{name}.apply gives several channels the name {sorted(twice)[0]!r}"
     assert found.source == signals.source, f"{name}.apply loses the source; use dataclasses.replace"
@@ -159,7 +162,7 @@ def check_filter_masks(step: Filter) -> None:
         (replace(signals, mask=everything), "mask", True),
         (replace(signals, present=everything), "present", True),
     ):
-        found = ask(step.apply, given)
+        found = _applied(step, given)
         flags = np.asarray(found.mask if field == "mask" else found.present)
         assert (flags == wanted).all(), (
             f"{name}.apply: {field} of {found.channels[int((flags != wanted).argmax())]} is {not wanted} "
@@ -168,7 +171,7 @@ def check_filter_masks(step: Filter) -> None:
         )
     alternate = np.repeat(np.arange(width // 2) % 2 == 0, 2)  # x and y of a joint alike
     given = replace(signals, mask=alternate, present=np.roll(alternate, 2) | (np.arange(width) < width // 2))
-    before, after = _flags(given), _flags(ask(step.apply, given))
+    before, after = _flags(given), _flags(_applied(step, given))
     for channel in before.keys() & after.keys():
         assert after[channel] == before[channel], (
             f"{name}.apply: mask and present of {channel} are not those of the input; a channel that moves "
@@ -187,10 +190,10 @@ def check_filter_sides(step: Filter) -> None:
     """Names tell the side and the direction: the filtered mirror image is the mirrored result."""
     name, signals = type(step).__name__, draw_signals(3)
     try:
-        wanted = mirrored(ask(step.apply, signals))
+        wanted = mirrored(_applied(step, signals))
     except SignalError:  # one side alone has no mirror image, and is refused where one is wanted
         return
-    got = ask(step.apply, mirrored(signals))
+    got = _applied(step, mirrored(signals))
     assert got.channels == wanted.channels, f"{name}.apply names other channels for a mirrored input"
     wrong = ~np.isclose(got.values, wanted.values, rtol=1e-3, atol=1e-4).all(axis=0)
     assert not wrong.any(), (
@@ -216,6 +219,15 @@ def check_filter_short(step: Filter) -> None:
     ):
         found = ask_or_refuse(what, step.apply, given)
         assert found is None or isinstance(found, Signals), f"{name}.apply of {what} returns no Signals"
+
+
+def _applied(step: Filter, signals: Signals) -> Signals:
+    """What ``step`` makes of ``signals``, if these are signals."""
+    found = ask(step.apply, signals)
+    assert isinstance(found, Signals), (
+        f"{type(step).__name__}.apply returns {type(found).__name__}, expected Signals"
+    )
+    return found
 
 
 FILTER_CHECKS: tuple[Callable[[Filter], None], ...] = (
