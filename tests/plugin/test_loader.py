@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from conftest import ROOT
@@ -12,15 +13,18 @@ from distributions import gesture, make_distribution
 
 from gesture_core.errors import ConfigError, MissingDependencyError, PluginError
 from gesture_core.plugin import hookimpl, registry
+from gesture_core.plugin.hooks import Register
 from gesture_core.plugin.interfaces import KINDS
 from gesture_core.plugin.loader import load_registry, register_module
 from gesture_core.plugin.registry import Origin, Registry
 
 
-def registered(hook: str, *calls: dict, origin: str = "other", found: Registry | None = None) -> Registry:
+def registered(
+    hook: str, *calls: dict[str, Any], origin: str = "other", found: Registry | None = None
+) -> Registry:
     """A registry after a plugin from ``origin`` made ``calls`` in ``hook``."""
 
-    def implementation(register) -> None:  # type: ignore[no-untyped-def]
+    def implementation(register: Register) -> None:
         for call in calls:
             register(**call)
 
@@ -82,11 +86,11 @@ def test_mistakes_become_faults() -> None:
 
 
 def test_a_hook_that_raises_costs_only_its_own_kind() -> None:
-    def fails(register) -> None:  # type: ignore[no-untyped-def]
+    def fails(register: Register) -> None:
         register(name="early", target="json:loads")
         raise SystemExit("no")
 
-    def works(register) -> None:  # type: ignore[no-untyped-def]
+    def works(register: Register) -> None:
         register(name="fine", target="json:loads")
 
     found = Registry()
