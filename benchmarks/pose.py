@@ -26,7 +26,7 @@ from datasets import arguments, body_gesture, need
 from pose_measures import Comparison, compare, to_authors
 
 from gesture_core.errors import GestureError
-from gesture_core.paths import cache_dir
+from gesture_core.files import cache_dir
 from gesture_core.plugin import registry
 from gesture_core.pose.extract import REVISION, extract_poses
 from gesture_core.pose.letterbox import Letterbox, input_size, to_batch

@@ -13,7 +13,7 @@ from conftest import ROOT
 CORE = ROOT / "gesture_core"
 HEAVY = {"jax", "torch", "cv2", "onnxruntime", "numba", "pyarrow", "av", "sklearn", "matplotlib"}
 FLOORS = [
-    {"errors", "paths", "__init__"},
+    {"errors", "files", "__init__"},
     {"skeletons"},
     {"dtw.spec"},
     {"types", "plugin"},

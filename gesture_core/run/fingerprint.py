@@ -7,9 +7,9 @@ from typing import Any
 
 import gesture_core
 from gesture_core.errors import ModelError
+from gesture_core.files import tree_sha256
 from gesture_core.plugin import registry
-from gesture_core.run.discovery import Input
-from gesture_core.run.hashing import settings_sha256
+from gesture_core.run.inputs import Input
 from gesture_core.settings import Settings
 
 
@@ -101,7 +101,7 @@ def run_configuration(
 
 def fingerprint(configuration: Mapping[str, Any]) -> str:
     """Sixteen hexadecimal digits that change when anything in ``configuration`` does."""
-    return settings_sha256(configuration)[:16]
+    return tree_sha256(configuration)[:16]
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:

@@ -18,6 +18,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gesture_core.testing.engines import ENGINE_CHECKS
     from gesture_core.testing.kernels import KERNEL_CHECKS, Case, compare, draw_batch, reference_table
     from gesture_core.testing.poses import POSE_CHECKS, draw_frames
     from gesture_core.testing.readers import READER_CHECKS
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "Case": "kernels",
+    "ENGINE_CHECKS": "engines",
     "FILTER_CHECKS": "signals",
     "KERNEL_CHECKS": "kernels",
     "NORMALIZER_CHECKS": "signals",
@@ -49,6 +51,7 @@ _MODULES = {
 }
 
 __all__ = [
+    "ENGINE_CHECKS",
     "FILTER_CHECKS",
     "KERNEL_CHECKS",
     "NORMALIZER_CHECKS",

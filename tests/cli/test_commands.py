@@ -105,8 +105,8 @@ def test_exports_agree(run: Path, tmp_path: Path) -> None:
 
 
 def test_cells_that_a_spreadsheet_would_run_are_neutralised(tmp_path: Path) -> None:
-    from gesture_core.run.rows import COLUMNS, Row
-    from gesture_core.run.writers import CsvWriter
+    from gesture_core.run.export import CsvWriter
+    from gesture_core.types import COLUMNS, Row
 
     names = ["=1+1", "+x", "-x", "@x", "plain", "\tx"]
     CsvWriter().write((Row(name).as_record() for name in names), COLUMNS, tmp_path / "x.csv")

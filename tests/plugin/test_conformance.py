@@ -17,7 +17,7 @@ from gesture_core.plugin.interfaces import KINDS
 from gesture_core.plugin.template import write_plugin
 from gesture_core.pose.models import find_model
 from gesture_core.run.store import write_keypoints
-from gesture_core.settings import load_settings, presets
+from gesture_core.settings import LimitSettings, load_settings, presets
 from gesture_core.testing import checks_for, draw_pose
 
 CHAIN = ("normalizer", "filter", "selector")
@@ -48,7 +48,7 @@ def test_a_kind_has_a_suite_a_template_and_a_page(kind: str, tmp_path: Path) -> 
 
 
 def test_an_unknown_kind_has_no_suite() -> None:
-    with pytest.raises(ValueError, match="one of filter, kernel"):
+    with pytest.raises(ValueError, match="one of engine, filter"):
         checks_for("colour")
 
 
@@ -65,6 +65,11 @@ def test_the_contract_under_the_options_of_a_preset(preset: str) -> None:
     for kind, name in steps:
         for check in checks_for(kind):
             check(registry().make(kind, name, settings.plugin_options(name)))
+
+
+@pytest.mark.parametrize(("kind", "name", "check"), every("engine"))
+def test_the_contract_of_an_engine(kind: str, name: str, check: Callable[[object], None]) -> None:
+    check(registry().make(kind, name, {}, workers=2, limits=LimitSettings()))
 
 
 @cache

@@ -15,8 +15,7 @@ from gesture_core.errors import ConfigError, MissingDependencyError, PluginError
 from gesture_core.plugin import hookimpl, registry
 from gesture_core.plugin.hooks import Register
 from gesture_core.plugin.interfaces import KINDS
-from gesture_core.plugin.loader import load_registry, register_module
-from gesture_core.plugin.registry import Origin, Registry
+from gesture_core.plugin.registry import Origin, Registry, load_registry, register_module
 
 
 def registered(

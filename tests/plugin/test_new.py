@@ -36,6 +36,7 @@ NAMES = {
     "selector": "lively",
     "kernel": "plain",
     "writer": "markdown",
+    "engine": "here",
 }
 """What a plugin of each kind is called here."""
 

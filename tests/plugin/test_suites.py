@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gesture_core.errors import KeypointError, PoseError, SignalError
+from gesture_core.errors import KeypointError, PluginError, PoseError, SignalError
 from gesture_core.plugin.interfaces import Person
+from gesture_core.run.workers.worker import Worker
 from gesture_core.skeletons import COCO18
 from gesture_core.testing import checks_for, draw_pose
-from gesture_core.types import PoseSequence, Signals
+from gesture_core.types import Job, Outcome, PoseSequence, Signals, Task
 
 NECK, HIPS = COCO18.index("neck"), [COCO18.index("right_hip"), COCO18.index("left_hip")]
 
@@ -363,7 +364,75 @@ def test_a_backend_that_knows_no_words_for_people() -> None:
     assert "must raise a GestureError" in "\n".join(faults("pose", Deaf()))
 
 
-@pytest.mark.parametrize("kind", ["normalizer", "filter", "selector", "writer", "pose"])
+# ---------------------------------------------------------------------------------------------- engines
+
+
+@dataclass
+class Straight:
+    """A right engine, in this process; ``spoil`` makes it a wrong one."""
+
+    spoil: Callable[[list[Outcome]], Any] = lambda outcomes: outcomes
+    reports: Callable[[Task, int], tuple[Any, int]] = lambda task, count: (task, count)
+    once: bool = False
+    runs: int = 0
+
+    def run(
+        self, job: Job, tasks: Sequence[Task], on_frames: Callable[[Any, int], None]
+    ) -> Iterator[Outcome]:
+        self.runs += 1
+        assert not self.once or self.runs == 1, "it runs only once"
+        outcomes = []
+        for task in tasks:
+
+            def report(message: dict[str, Any], task: Task = task) -> None:
+                if "frames" in message:
+                    on_frames(*self.reports(task, message["frames"]))
+
+            outcomes.append(Worker(job, report).perform(task))
+        yield from self.spoil(outcomes)
+
+
+def _raise(outcomes: list[Outcome]) -> list[Outcome]:
+    for outcome in outcomes:
+        if outcome.error:
+            raise outcome.error
+    return outcomes
+
+
+@pytest.mark.parametrize(
+    ("engine", "message"),
+    [
+        (Straight(lambda outcomes: outcomes[:2]), r"tasks \[0, 1\], expected one of each of \[0, 1, 2\]"),
+        (Straight(lambda outcomes: outcomes * 2), r"tasks \[0, 0, 1, 1, 2, 2\]"),
+        (Straight(lambda outcomes: [replace(o, value=".csv") for o in outcomes]), "that of its own task"),
+        (
+            Straight(lambda outcomes: [replace(o, error=PluginError("no")) for o in outcomes]),
+            "can be performed",
+        ),
+        (Straight(lambda outcomes: [replace(o, error=None) for o in outcomes]), "a task that fails"),
+        (Straight(_raise), "raises PluginError"),
+        (Straight(once=True), "raises AssertionError: it runs only once"),
+        (Straight(reports=lambda task, count: (task.number, count)), "expected a task"),
+        (Straight(reports=lambda task, count: (replace(task, number=0), count)), "for every task"),
+    ],
+)
+def test_a_wrong_engine(engine: Straight, message: str) -> None:
+    assert not faults("engine", Straight())
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError("\n".join(faults("engine", engine)))
+
+
+def test_an_engine_that_reports_no_progress() -> None:
+    class Silent(Straight):
+        def run(
+            self, job: Job, tasks: Sequence[Task], on_frames: Callable[[Any, int], None]
+        ) -> Iterator[Outcome]:
+            return super().run(job, tasks, lambda task, count: None)
+
+    assert "does not call on_frames" in "\n".join(faults("engine", Silent()))
+
+
+@pytest.mark.parametrize("kind", ["normalizer", "filter", "selector", "writer", "pose", "engine"])
 def test_what_is_no_plugin_at_all_is_said_to_lack_its_methods(kind: str) -> None:
     with pytest.raises(AssertionError, match=r"has no method|lacks"):
         checks_for(kind)[0](object())

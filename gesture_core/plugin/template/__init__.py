@@ -14,7 +14,7 @@ from string import Template
 
 from gesture_core.errors import ConfigError
 from gesture_core.plugin.interfaces import KINDS
-from gesture_core.plugin.loader import registry
+from gesture_core.plugin.registry import registry
 
 _FOLDER = Path(__file__).parent
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
@@ -26,6 +26,7 @@ _EXAMPLES = {
     "selector": ("Selector", "the channels that move nearly as far as any does"),
     "kernel": ("Kernel", "the same share of both sequences compared, without warping"),
     "writer": ("Writer", "a table in Markdown"),
+    "engine": ("Engine", "one task after the other in this process"),
 }
 """What the example of each kind is called at the end, and what it does."""
 
