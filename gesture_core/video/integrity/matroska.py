@@ -11,16 +11,17 @@ from typing import BinaryIO
 
 # EBML, Segment, SeekHead, Info, Tracks, Cluster, Cues, Attachments, Chapters, Tags, Void, CRC-32.
 _TOP = frozenset(
-    bytes.fromhex(name)
-    for name in (
-        "1a45dfa3 18538067 114d9b74 1549a966 1654ae6b 1f43b675 1c53bb6b 1941a469 1043a770 1254c367 ec bf"
-    ).split()
+    map(
+        bytes.fromhex,
+        "1a45dfa3 18538067 114d9b74 1549a966 1654ae6b 1f43b675 "
+        "1c53bb6b 1941a469 1043a770 1254c367 ec bf".split(),
+    )
 )
 # Timestamp, SilentTracks, Position, PrevSize, SimpleBlock, BlockGroup.
-_CLUSTER = frozenset(bytes.fromhex(name) for name in "e7 5854 a7 ab a3 a0".split())
+_CLUSTER = frozenset(map(bytes.fromhex, "e7 5854 a7 ab a3 a0".split()))
 # Block, BlockAdditions, BlockDuration, ReferencePriority, ReferenceBlock, CodecState, DiscardPadding, Slices.
-_GROUP = frozenset(bytes.fromhex(name) for name in "a1 75a1 9b fa fb a4 75a2 8e".split())
-_NUMBERS = frozenset(bytes.fromhex(name) for name in "e7 a7 ab 9b fa fb 75a2".split())
+_GROUP = frozenset(map(bytes.fromhex, "a1 75a1 9b fa fb a4 75a2 8e".split()))
+_NUMBERS = frozenset(map(bytes.fromhex, "e7 a7 ab 9b fa fb 75a2".split()))
 _BLOCKS = frozenset((b"\xa3", b"\xa1"))
 _SEGMENT, _CLUSTER_BEGINS = bytes.fromhex("18538067"), bytes.fromhex("1f43b675")
 _GROUP_BEGINS, _VOID, _CHECKSUM = b"\xa0", b"\xec", b"\xbf"
@@ -32,18 +33,9 @@ _MAX_ELEMENTS = 5_000_000
 
 @dataclass(frozen=True)
 class Blocks:
-    """What a file holds for its demuxer.
-
-    Attributes
-    ----------
-    fault : str
-        Where the chain breaks; empty where it does not.
-    count : int
-        Blocks of all tracks that hold data.
-    voids : int
-        Stretches among the blocks that are marked as unused.
-    closed : bool
-        The file says how long it is, and is all there.
+    """What a file holds for its demuxer: where the chain breaks, empty where it does not; blocks of all
+    tracks that hold data; stretches among the blocks that are marked as unused; whether the file says how
+    long it is, and is all there.
     """
 
     fault: str = ""
@@ -53,15 +45,8 @@ class Blocks:
 
 
 def read_blocks(file: BinaryIO) -> Blocks:
-    """Walk the elements of ``file``, whose position is kept."""
-    position = file.tell()
-    try:
-        return _walk(file, file.seek(0, 2))
-    finally:
-        file.seek(position)
-
-
-def _walk(file: BinaryIO, end: int) -> Blocks:
+    """Walk the elements of ``file``."""
+    end = file.seek(0, 2)
     at = count = voids = group = 0
     segment: int | None = None
     among = False
