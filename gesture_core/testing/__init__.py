@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         draw_pose,
         draw_signals,
     )
+    from gesture_core.testing.videos import VIDEO_CHECKS, draw_video
     from gesture_core.testing.writers import WRITER_CHECKS, draw_rows
 
 _MODULES = {
@@ -40,6 +41,7 @@ _MODULES = {
     "POSE_CHECKS": "poses",
     "READER_CHECKS": "readers",
     "SELECTOR_CHECKS": "signals",
+    "VIDEO_CHECKS": "videos",
     "WRITER_CHECKS": "writers",
     "compare": "kernels",
     "draw_batch": "kernels",
@@ -47,6 +49,7 @@ _MODULES = {
     "draw_pose": "signals",
     "draw_rows": "writers",
     "draw_signals": "signals",
+    "draw_video": "videos",
     "reference_table": "kernels",
 }
 
@@ -58,6 +61,7 @@ __all__ = [
     "POSE_CHECKS",
     "READER_CHECKS",
     "SELECTOR_CHECKS",
+    "VIDEO_CHECKS",
     "WRITER_CHECKS",
     "Case",
     "checks_for",
@@ -67,6 +71,7 @@ __all__ = [
     "draw_pose",
     "draw_rows",
     "draw_signals",
+    "draw_video",
     "reference_table",
 ]
 

@@ -29,6 +29,7 @@ from gesture_core.testing import checks_for
 from gesture_core.types import Signals
 
 NAMES = {
+    "video": "thinned",
     "pose": "lights",
     "reader": "motion-text",
     "normalizer": "hips",
@@ -104,7 +105,7 @@ def test_the_commands_of_its_readme_run(
     text = (sources[kind] / "README.md").read_text("utf-8")
     commands = [line.split("#")[0] for line in text.splitlines() if line.startswith("gesture ")]
     assert len(commands) >= 2
-    (tmp_path / "videos").symlink_to(drawn.videos if kind == "pose" else drawn.video_keypoints)
+    (tmp_path / "videos").symlink_to(drawn.videos if kind in ("pose", "video") else drawn.video_keypoints)
     (tmp_path / "examples").symlink_to(drawn.example_keypoints)
     (tmp_path / "clips").symlink_to(clips)
     for command in commands:

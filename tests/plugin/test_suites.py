@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from gesture_core.errors import KeypointError, PluginError, PoseError, SignalError
-from gesture_core.plugin.interfaces import Person
+from gesture_core.errors import KeypointError, MediaError, PluginError, PoseError, SignalError
+from gesture_core.plugin.interfaces import Person, Video, VideoInfo, VideoLimits, VideoReport
 from gesture_core.run.workers.worker import Worker
 from gesture_core.skeletons import COCO18
 from gesture_core.testing import checks_for, draw_pose
 from gesture_core.types import Job, Outcome, PoseSequence, Signals, Task
+from gesture_core.video import open_video
 
 NECK, HIPS = COCO18.index("neck"), [COCO18.index("right_hip"), COCO18.index("left_hip")]
 
@@ -432,7 +433,89 @@ def test_an_engine_that_reports_no_progress() -> None:
     assert "does not call on_frames" in "\n".join(faults("engine", Silent()))
 
 
-@pytest.mark.parametrize("kind", ["normalizer", "filter", "selector", "writer", "pose", "engine"])
+# ---------------------------------------------------------------------------------------- video readers
+
+
+@dataclass
+class Screen:
+    """A right reader of what `draw_video` writes; ``frames`` and ``changes`` make it a wrong one."""
+
+    frames: Callable[[list[tuple[float, np.ndarray]]], Any] = lambda items: items
+    info: dict[str, Any] = field(default_factory=dict)
+    report: dict[str, Any] = field(default_factory=dict)
+    limited: bool = True
+    errors: type[Exception] = MediaError
+
+    def open(self, path: Path, limits: VideoLimits) -> Video:
+        if not path.is_file() or not path.read_bytes().startswith(b"RIFF"):
+            raise self.errors("no AVI file")
+        return Playing(self, path, limits if self.limited else VideoLimits())
+
+
+class Playing:
+    """One open video of a `Screen`."""
+
+    def __init__(self, screen: Screen, path: Path, limits: VideoLimits) -> None:
+        self.screen, self.video = screen, open_video(path, "opencv", limits)
+
+    @property
+    def info(self) -> VideoInfo:
+        return replace(self.video.info, **self.screen.info)
+
+    @property
+    def report(self) -> VideoReport:
+        return replace(self.video.report, **self.screen.report)
+
+    def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
+        first = next(items := iter(self.video))
+        yield from self.screen.frames([first])
+        yield from self.screen.frames(list(items))
+
+    def __enter__(self) -> Video:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.video.__exit__(*error)
+
+
+def _one_buffer(items: list[tuple[float, np.ndarray]], buffer: list[np.ndarray] = []) -> Any:  # noqa: B006
+    buffer += [] if buffer else [items[0][1].copy()]
+    for seconds, frame in items:
+        buffer[0][:] = frame
+        yield seconds, buffer[0]
+
+
+@pytest.mark.parametrize(
+    ("reader", "message"),
+    [
+        (Screen(info={"width": 63}), r"shape \(48, 64, 3\)"),
+        (Screen(info={"rotation": 45}), "quarter turns"),
+        (Screen(info={"fps": 0.0}), "fps is 0.0"),
+        (Screen(info={"reader": "other"}), "expected its name"),
+        (Screen(report={"frames_read": 3}), "frames_read is 3 after 12 frames"),
+        (Screen(report={"damaged": 1}), "undamaged video is not complete"),
+        (Screen(report={"complete": True}), "before the video was read to its end"),
+        (Screen(report={"complete": True, "damaged": 0}), "counts as complete, with"),
+        (Screen(lambda items: []), "gives no frame"),
+        (Screen(lambda items: [(at, frame / 255) for at, frame in items]), "no uint8 array"),
+        (Screen(lambda items: [(-at, frame) for at, frame in items]), "never decrease"),
+        (Screen(lambda items: [(1000 * at, frame) for at, frame in items]), "they are seconds"),
+        (Screen(_one_buffer), "written over"),
+        (
+            Screen(lambda items: [(at + np.random.default_rng().random() / 1e4, f) for at, f in items]),
+            "times differ",
+        ),
+        (Screen(limited=False), "expected a MediaError"),
+        (Screen(errors=KeyError), "raises KeyError"),
+    ],
+)
+def test_a_wrong_video_reader(reader: Screen, message: str) -> None:
+    assert not faults("video", Screen())
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError("\n".join(faults("video", reader)))
+
+
+@pytest.mark.parametrize("kind", ["normalizer", "filter", "selector", "writer", "pose", "engine", "video"])
 def test_what_is_no_plugin_at_all_is_said_to_lack_its_methods(kind: str) -> None:
     with pytest.raises(AssertionError, match=r"has no method|lacks"):
         checks_for(kind)[0](object())

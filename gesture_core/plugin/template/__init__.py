@@ -19,6 +19,7 @@ from gesture_core.plugin.registry import registry
 _FOLDER = Path(__file__).parent
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _EXAMPLES = {
+    "video": ("Reader", "every frame of a video, or one of so many, by OpenCV"),
     "pose": ("Backend", "the brightest pixels on each side, as a toy"),
     "reader": ("Reader", "keypoints in plain text, a line for each frame"),
     "normalizer": ("Normalizer", "the middle of the hips at the origin, their distance 1"),
