@@ -15,9 +15,9 @@ from cyclopts import Parameter
 
 from gesture_core.cli.flags import UNSAID
 from gesture_core.cli.screen import print_table, visible
-from gesture_core.errors import GestureError, ModelError, PluginError, PoseError
+from gesture_core.errors import GestureError, MissingDependencyError, ModelError, PluginError, PoseError
 from gesture_core.plugin import registry
-from gesture_core.plugin.interfaces import KINDS
+from gesture_core.plugin.interfaces import INTERFACES, KINDS
 from gesture_core.plugin.registry import Registration, Registry
 from gesture_core.settings import load_settings
 from gesture_core.settings.values import near
@@ -92,6 +92,8 @@ def _status(found: Registry, entry: Registration, *, check: bool) -> str:
         _make(found, entry)
     except (ModelError, PoseError):  # a backend may need another network than the one that it is given here
         return "ok"
+    except MissingDependencyError as error:
+        return error.cause
     except GestureError as error:
         return f"broken: {error.cause}"
     except OSError as error:
@@ -129,7 +131,11 @@ def _make(found: Registry, entry: Registration) -> None:
         values["model"] = find_model(settings.pose.model)
     if "workers" in kind.given:
         values |= {"workers": 1, "limits": settings.limits}
-    found.make(entry.kind, entry.name, {}, **values)
+    made, interface = found.make(entry.kind, entry.name, {}, **values), INTERFACES[entry.kind]
+    wanted = [name for name in {**vars(interface), **interface.__annotations__} if not name.startswith("_")]
+    absent = sorted(name for name in wanted if not hasattr(made, name))
+    if absent:
+        raise PluginError(f"it has no {' and no '.join(absent)}, as every {kind.title} does")
 
 
 def _show(found: Registry, name: str) -> None:

@@ -335,3 +335,17 @@ class Closeable(Protocol):
     def close(self) -> None:
         """End what is kept."""
         ...
+
+
+INTERFACES: Mapping[str, type] = {
+    "video": VideoReader,
+    "pose": PoseBackend,
+    "reader": KeypointReader,
+    "normalizer": Normalizer,
+    "filter": Filter,
+    "selector": Selector,
+    "kernel": DistanceKernel,
+    "writer": ResultWriter,
+    "engine": ExecutionEngine,
+}
+"""The Protocol of each kind."""

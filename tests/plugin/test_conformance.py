@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from conftest import ROOT
 
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.plugin import registry
-from gesture_core.plugin.interfaces import KINDS
+from gesture_core.plugin.interfaces import INTERFACES, KINDS
 from gesture_core.plugin.template import write_plugin
 from gesture_core.pose.models import find_model
 from gesture_core.run.store import write_keypoints
@@ -39,12 +40,28 @@ def every(*kinds: str) -> list[ParameterSet]:
     ]
 
 
+@cache
+def reference_page() -> str:
+    """``docs/reference/plugins.md``, or what ``docs/generate.py`` makes of it while the site is built."""
+    page, generator = ROOT / "docs" / "reference" / "plugins.md", ROOT / "docs" / "generate.py"
+    if page.is_file():
+        return page.read_text("utf-8")
+    pytest.importorskip("mkdocs", reason="mkdocs makes the page, and is not installed")
+    spec = spec_from_file_location("generate", generator)
+    assert spec and spec.loader, "there is no page, and nothing that makes it"
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    pages: list[str] = [*module.interfaces_page(), *module.plugins_page()]
+    return "\n".join(pages)
+
+
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_kind_has_a_suite_a_template_and_a_page(kind: str, tmp_path: Path) -> None:
-    assert checks_for(kind)
+def test_a_kind_has_an_interface_a_suite_a_template_and_a_page(kind: str, tmp_path: Path) -> None:
+    assert INTERFACES[kind] and checks_for(kind)
     assert write_plugin(kind, "something-new", tmp_path)
-    text = (ROOT / "docs" / "reference" / "plugins.md").read_text("utf-8")
+    text = reference_page()
     assert KINDS[kind].hook in text and KINDS[kind].title in text, f"the page names no {KINDS[kind].title}"
+    assert INTERFACES[kind].__name__ in text
 
 
 def test_an_unknown_kind_has_no_suite() -> None:

@@ -173,3 +173,45 @@ def test_a_broken_distribution_is_a_line_and_the_rest_works(tmp_path: Path) -> N
     asked = gesture("plugins", "gaussian", path=tmp_path)
     assert asked.returncode != 0
     assert "clash 1.0" in asked.stderr and "gesture-core" in asked.stderr
+
+
+def test_check_finds_what_only_making_a_plugin_shows(tmp_path: Path) -> None:
+    make_distribution(
+        tmp_path,
+        "faulty",
+        """
+        from gesture_core import hookimpl
+
+        class Blind:
+            skeleton, batch_size = "coco18", 1
+            def estimate(self, frames, people="single"): return [[] for _ in frames]
+
+        class Needy:
+            def __init__(self, wanted): self.wanted = wanted
+
+        class Raising:
+            def __init__(self): raise LookupError("nothing here")
+
+        class Idle: pass
+
+        @hookimpl
+        def register_pose_backends(register): register("blind", "faulty:Blind")
+
+        @hookimpl
+        def register_filters(register): register("needy", "faulty:Needy")
+
+        @hookimpl
+        def register_selectors(register): register("raising", "faulty:Raising")
+
+        @hookimpl
+        def register_normalizers(register): register("idle", "faulty:Idle")
+        """,
+    )
+    checked = gesture("plugins", "--check", path=tmp_path)
+    assert checked.returncode == 3
+    shown = " ".join(checked.stdout.split())
+    assert "it must take model, as every pose backend does" in shown
+    assert "raised LookupError: nothing here" in shown
+    assert "it has no normalize, as every normalizer does" in shown
+    (needy,) = (line for line in checked.stdout.splitlines() if " needy " in line)
+    assert " ok " in needy  # its option has no default, so that only the user can make it
