@@ -203,6 +203,7 @@ class Person:
     scores: np.ndarray
 
 
+@runtime_checkable
 class PoseBackend(Protocol):
     """Finds people in pictures. Constructed with ``model`` (a `pose.models.ModelFile`) and options."""
 
@@ -217,6 +218,7 @@ class PoseBackend(Protocol):
         ...
 
 
+@runtime_checkable
 class KeypointReader(Protocol):
     """Reads ready-made keypoint files.
 
@@ -241,6 +243,7 @@ class KeypointReader(Protocol):
         ...
 
 
+@runtime_checkable
 class Normalizer(Protocol):
     """Brings keypoints into the body's own frame of reference."""
 
@@ -249,6 +252,7 @@ class Normalizer(Protocol):
         ...
 
 
+@runtime_checkable
 class Filter(Protocol):
     """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out.
 
@@ -264,6 +268,7 @@ class Filter(Protocol):
         ...
 
 
+@runtime_checkable
 class Selector(Protocol):
     """Chooses the salient dimensions of one sequence."""
 
@@ -293,6 +298,7 @@ class DistanceKernel(Protocol):
         ...
 
 
+@runtime_checkable
 class ResultWriter(Protocol):
     """Writes the rows of a run to a file."""
 
@@ -303,6 +309,7 @@ class ResultWriter(Protocol):
         ...
 
 
+@runtime_checkable
 class ExecutionEngine(Protocol):
     """Performs tasks, calls of worker functions by name. Constructed with ``workers`` and ``limits``.
 
@@ -328,3 +335,17 @@ class Closeable(Protocol):
     def close(self) -> None:
         """End what is kept."""
         ...
+
+
+INTERFACES: Mapping[str, type] = {
+    "video": VideoReader,
+    "pose": PoseBackend,
+    "reader": KeypointReader,
+    "normalizer": Normalizer,
+    "filter": Filter,
+    "selector": Selector,
+    "kernel": DistanceKernel,
+    "writer": ResultWriter,
+    "engine": ExecutionEngine,
+}
+"""The Protocol of each kind."""
