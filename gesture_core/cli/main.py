@@ -44,7 +44,7 @@ _COMMANDS = {
     "bench": "Time every installed distance kernel on this machine.",
     "demo": "Run the main job on an archive that the package draws itself.",
 }
-_PLACES = {"extract": "classify:extract", "models": "models:app"}
+_PLACES = {"extract": "classify:extract", "models": "models:app", "plugins": "plugins:app"}
 for _name, _help in _COMMANDS.items():
     app.command(f"gesture_core.cli.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name, help=_help)
 
