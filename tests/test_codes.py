@@ -33,12 +33,11 @@ def literals(path: Path) -> Iterator[str]:
             yield from CODE.findall(node.value)
         elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "Code":
             yield f"E_{node.attr}" if node.attr.isupper() else ""
-        elif isinstance(node, ast.Call):  # files.open_regular makes its three codes of a prefix
-            for word in node.keywords:
-                if word.arg == "prefix" and isinstance(word.value, ast.Constant):
-                    prefix = str(word.value.value)
-                    if CODE.fullmatch(prefix):
-                        yield from (f"{prefix}_{end}" for end in ("MISSING", "UNREADABLE", "LIMIT"))
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("open_regular"):
+            # It makes three codes of a prefix.
+            for given in (*node.args, *(word.value for word in node.keywords)):
+                if isinstance(given, ast.Constant) and CODE.fullmatch(str(given.value)):
+                    yield from (f"{given.value}_{end}" for end in ("MISSING", "UNREADABLE", "LIMIT"))
 
 
 def test_every_code_of_the_sources_is_a_member_and_no_member_is_idle() -> None:
