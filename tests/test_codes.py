@@ -37,7 +37,7 @@ def literals(path: Path) -> Iterator[str]:
             # It makes three codes of a prefix.
             for given in (*node.args, *(word.value for word in node.keywords)):
                 if isinstance(given, ast.Constant) and CODE.fullmatch(str(given.value)):
-                    yield from (f"{given.value}_{end}" for end in ("MISSING", "UNREADABLE", "LIMIT"))
+                    yield from (f"{given.value!s}_{end}" for end in ("MISSING", "UNREADABLE", "LIMIT"))
 
 
 def test_every_code_of_the_sources_is_a_member_and_no_member_is_idle() -> None:
