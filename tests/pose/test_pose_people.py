@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from tiny_networks import FIGURE
 
 from gesture_core.plugin.interfaces import Person
-from gesture_core.pose.fields import LIMBS, AssemblyRules, assemble, find_peaks, limb_scores
-from gesture_core.pose.tracks import Tracker
+from gesture_core.pose.extract import Tracker
+from gesture_core.pose.heatmaps import LIMBS, AssemblyRules, assemble, find_peaks, limb_scores
 
 SIZE = (60, 100)
 
