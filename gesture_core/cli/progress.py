@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from gesture_core.cli.screen import visible
-from gesture_core.run.run import Listener
+from gesture_core.run.pipeline import Listener
 from gesture_core.types import Row
 
 _SECONDS_BETWEEN_LINES = 2.0

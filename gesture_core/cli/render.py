@@ -65,7 +65,7 @@ def render(
 def _people(video: Path, settings: Settings) -> list[PoseSequence]:
     """Everybody in the video, from the keypoint store or extracted in a worker process."""
     from gesture_core.cli.keypoints import people_of
-    from gesture_core.run.discovery import discover
+    from gesture_core.run.inputs import discover
 
     items = discover([video])
     if len(items) != 1 or items[0].kind != "video":

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.dtw.spec import DtwSpec
-    from gesture_core.run.work import Job, Outcome, Task
-    from gesture_core.types import PoseSequence, SignalBatch, Signals
+    from gesture_core.types import Job, Outcome, PoseSequence, SignalBatch, Signals, Task
 
 
 @dataclass(frozen=True)
@@ -207,10 +206,10 @@ class ResultWriter(Protocol):
 
 
 class ExecutionEngine(Protocol):
-    """Runs one job over many tasks. Constructed with ``workers`` and ``limits``.
+    """Performs tasks, calls of worker functions by name. Constructed with ``workers`` and ``limits``.
 
-    `run` is called once for the examples and once for the queries of a run, with the same job. An
-    engine that keeps something between the two has a method ``close``, which ends it.
+    `run` is called several times in a run of the program, with the same job. Wherever a task is
+    performed, it is ``gesture_core.run.workers.worker.Worker(job, report).perform(task)`` that does it.
     """
 
     def run(
@@ -219,6 +218,15 @@ class ExecutionEngine(Protocol):
         """Yield one outcome for every task, in any order.
 
         ``on_frames(task, n)`` is called as frames are done, for progress. A task that fails, hangs
-        or kills its process yields an outcome that says so; it never ends the others.
+        or ends its process yields an outcome that says so; it never ends the others.
         """
+        ...
+
+
+@runtime_checkable
+class Closeable(Protocol):
+    """An engine that keeps something between two calls of `run`."""
+
+    def close(self) -> None:
+        """End what is kept."""
         ...

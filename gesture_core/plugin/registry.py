@@ -293,12 +293,14 @@ def calling(
     PluginError
     """
     name = str(plugin) if isinstance(plugin, Registration | Origin) else name_of(plugin)
+    _called.append(name)
     for note in _watchers:
         note(name)
     try:
         yield
-    except SignalError as error:  # of what it returned
-        error.cause += f" ({name})"
+    except (SignalError, PluginError) as error:  # of what it returned
+        if name not in error.cause and not isinstance(plugin, Origin):
+            error.cause += f" ({name})"
         raise
     except GestureError:
         raise
@@ -310,15 +312,18 @@ def calling(
     except (Exception, SystemExit) as error:
         cause = f"{name} {verb}{'' if verb.endswith('raised') else ':'} {described(error)}"
         raise PluginError(cause, kept=kept, remedy=remedy, code=code) from error
-    for note in _watchers:
-        note("")
+    finally:
+        _called.pop()
+        for note in _watchers:
+            note(_called[-1] if _called else "")
 
 
+_called: list[str] = []
 _watchers: list[Callable[[str], None]] = []
 
 
 def watch(note: Callable[[str], None]) -> None:
-    """Have ``note`` told which plugin is about to be called, and ``""`` after it has returned.
+    """Have ``note`` know which plugin is being called, ``""`` where none is any more.
 
     A worker process tells its parent, which then knows whose code ended the process.
     """

@@ -9,7 +9,7 @@ import gesture_core
 from gesture_core.errors import ModelError
 from gesture_core.files import tree_sha256
 from gesture_core.plugin import registry
-from gesture_core.run.discovery import Input
+from gesture_core.run.inputs import Input
 from gesture_core.settings import Settings
 
 

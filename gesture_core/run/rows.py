@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
-from gesture_core.run.discovery import FRAMES, PICTURE_SUFFIXES, Input
-from gesture_core.run.work import Outcome
-from gesture_core.types import PoseSequence, Prediction, Row
+from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input
+from gesture_core.run.workers.keypoints import Extracted
+from gesture_core.types import Prediction, Row
 
 # Nothing went wrong with such an input: it was read, and no label is warranted.
 _NO_GESTURE = frozenset(
@@ -19,118 +20,113 @@ PLUGIN_CODES = ("E_PLUGIN", "E_WORKER")
 """How codes begin for which a plugin is to blame, not the input."""
 
 
-def skipped_row(item: Input, fingerprint: str) -> Row:
-    """The row of something that is neither a video nor a keypoint file."""
-    what = FRAMES if item.path.suffix.lower() in PICTURE_SUFFIXES else "another format"
+def unread_row(item: Input, fingerprint: str) -> Row:
+    """The row of something that nobody reads (skipped), or that should be readable and is not (error)."""
+    status = "skipped" if item.kind == "other" else "error"
+    if item.kind == "other":
+        picture = item.path.suffix.lower() in PICTURE_SUFFIXES
+        remedy = f"{FRAMES if picture else 'another format'}, or a manifest that leaves it out"
+    elif item.code.startswith(PLUGIN_CODES):
+        remedy = "another version of the plugin, then --retry-errors"
+    elif item.code in _READING:
+        remedy = "check what it is and its permissions, then --retry-errors"
+    else:
+        remedy = "repairing it, then --retry-errors"
     return Row(
         item.name,
-        status="skipped",
-        code="E_NOT_AN_INPUT",
-        message=f"{item.name}: {item.fault}; try: {what}, or a manifest that leaves it out",
+        status=status,  # type: ignore[arg-type]
+        code=item.code or "E_NOT_AN_INPUT",
+        message=f"{item.name}: {item.fault}; try: {remedy}",
         fingerprint=fingerprint,
     )
 
 
-def broken_row(item: Input, fingerprint: str) -> Row:
-    """The row of something that should be readable and is not."""
-    what = "check what it is and its permissions" if item.code in _READING else "repairing it"
-    if item.code.startswith(PLUGIN_CODES):
-        what = "another version of the plugin"
+def contradicting_row(item: Input, other: Input, sha256: str, fingerprint: str) -> Row:
+    """The row of an example that is as well an example of another label."""
     return Row(
         item.name,
-        status="error",
-        code=item.code,
-        message=f"{item.name}: {item.fault}; try: {what}, then --retry-errors",
+        sha256,
+        code="E_CONTRADICTION",
+        message=f"{item.name}: is called {item.label}, and {other.name}, with the same content, "
+        f"{other.label}; neither is used; try: only the right one of them",
         fingerprint=fingerprint,
     )
 
 
-def _base(item: Input, outcome: Outcome, fingerprint: str) -> Row:
-    return Row(
+def rows_of(
+    item: Input, found: Extracted, decided: Sequence[dict[str, Any]] | None, fingerprint: str
+) -> list[Row]:
+    """Rows of all people in one input, at least one.
+
+    Parameters
+    ----------
+    item : Input
+    found : Extracted
+    decided : sequence of dict or None
+        The fields of a `Prediction` for each person; None where nothing is decided.
+    fingerprint : str
+    """
+    base = Row(
         item.name,
-        outcome.sha256,
-        frames_declared=outcome.frames_declared,
-        frames_read=outcome.frames_read,
-        seconds=outcome.seconds,
-        attempts=outcome.attempts,
-        plugin=outcome.plugin,
+        found.sha256,
+        frames_declared=found.frames_declared,
+        frames_read=found.frames_read,
+        seconds=found.seconds,
+        attempts=found.attempts,
+        plugin=found.plugin,
         fingerprint=fingerprint,
     )
+    if found.code:
+        return [replace(base, code=found.code, message=_about(item, found.message))]
+    if not found.people:
+        message = (
+            f"{item.name}: nobody was found in {found.frames_read} frames; "
+            "try: another --pose or --model, or gesture render to see what the network sees"
+        )
+        nobody = replace(base, status="rejected", code="E_NO_PERSON", message=message)
+        return [_with_damage(nobody, item, found)]
+    rows = []
+    for number, (person, frames) in enumerate(found.people):
+        prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
+        row = replace(
+            base,
+            person=person,
+            label=prediction.label,
+            distance=prediction.distance,
+            margin=prediction.margin,
+            neighbors=prediction.neighbors,
+            status="rejected" if prediction.code in _NO_GESTURE else prediction.status,
+            code=prediction.code,
+            message=_about(item, prediction.message)
+            + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
+            frames_with_pose=frames,
+            selected=prediction.selected,
+        )
+        rows.append(_with_damage(row, item, found))
+    return rows
 
 
-def failed_row(item: Input, outcome: Outcome, fingerprint: str) -> Row:
-    """The row of an input from which no keypoints came."""
-    base = _base(item, outcome, fingerprint)
-    if outcome.code:
-        return replace(base, code=outcome.code, message=_said_of(item, outcome.message))
-    nobody = replace(
-        base,
-        status="rejected",
-        code="E_NO_PERSON",
-        message=f"{item.name}: nobody was found in {outcome.frames_read} frames; "
-        "try: another --pose or --model, or gesture render to see what the network sees",
-    )
-    return _with_damage(nobody, item, outcome)
+def prediction_of(tree: dict[str, Any]) -> Prediction:
+    """A prediction from its fields, after JSON."""
+    neighbors = tuple((name, label, distance) for name, label, distance in tree.get("neighbors", ()))
+    fields = {"label": None} | tree | {"neighbors": neighbors, "selected": tuple(tree.get("selected", ()))}
+    return Prediction(**fields)
 
 
-def person_row(
-    item: Input,
-    outcome: Outcome,
-    pose: PoseSequence,
-    prediction: Prediction,
-    fingerprint: str,
-) -> Row:
-    """The row of one person: the prediction, degraded where the input lost frames."""
-    row = replace(
-        _base(item, outcome, fingerprint),
-        person=pose.person,
-        label=prediction.label,
-        distance=prediction.distance,
-        margin=prediction.margin,
-        neighbors=prediction.neighbors,
-        status=prediction.status,
-        code=prediction.code,
-        message=_said_of(item, prediction.message),
-        frames_with_pose=pose.frames_with_pose,
-        selected=prediction.selected,
-    )
-    if row.code in _NO_GESTURE:
-        row = replace(row, status="rejected")
-    if row.code == "E_REJECTED":
-        row = replace(row, message=f"{row.message}; {_FAR}")
-    return _with_damage(row, item, outcome)
-
-
-def _with_damage(row: Row, item: Input, outcome: Outcome) -> Row:
+def _with_damage(row: Row, item: Input, found: Extracted) -> Row:
     """The row, if frames of its input are lost: a label is degraded, a missing label is an error."""
-    if outcome.complete or row.status == "error":
+    if found.complete or row.status == "error":
         return row
-    said = f"; otherwise: {row.code} {row.message.removeprefix(f'{item.name}: ')}" if row.code else ""
+    otherwise = f"; otherwise: {row.code} {row.message.removeprefix(f'{item.name}: ')}" if row.code else ""
     return replace(
         row,
         status="degraded" if row.status == "ok" else "error",
         code="E_MEDIA_PARTIAL",
-        message=f"{item.name}: {'; '.join(outcome.notes) or 'frames are missing'}; "
-        f"kept: {outcome.frames_read} frames; try: repairing the file{said}",
+        message=f"{item.name}: {'; '.join(found.notes) or 'frames are missing'}; "
+        f"kept: {found.frames_read} frames; try: repairing the file{otherwise}",
     )
 
 
-def _said_of(item: Input, message: str) -> str:
+def _about(item: Input, message: str) -> str:
     """``message`` with the input's name in front, once."""
     return f"{item.name}: {message.removeprefix(f'{item.name}: ')}" if message else ""
-
-
-def person_rows(
-    item: Input,
-    outcome: Outcome,
-    poses: Sequence[PoseSequence],
-    predictions: Sequence[Prediction],
-    fingerprint: str,
-) -> list[Row]:
-    """Rows of all people in one input, at least one."""
-    if outcome.code or not poses:
-        return [failed_row(item, outcome, fingerprint)]
-    return [
-        person_row(item, outcome, pose, prediction, fingerprint)
-        for pose, prediction in zip(poses, predictions, strict=True)
-    ]

@@ -105,7 +105,7 @@ def test_exports_agree(run: Path, tmp_path: Path) -> None:
 
 
 def test_cells_that_a_spreadsheet_would_run_are_neutralised(tmp_path: Path) -> None:
-    from gesture_core.run.writers import CsvWriter
+    from gesture_core.run.export import CsvWriter
     from gesture_core.types import COLUMNS, Row
 
     names = ["=1+1", "+x", "-x", "@x", "plain", "\tx"]

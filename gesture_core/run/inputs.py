@@ -1,21 +1,23 @@
-"""From what the user typed to a list of inputs, in a stable order."""
+"""From what the user typed to a list of inputs, in a stable order: files, folders, globs, manifests."""
 
 from __future__ import annotations
 
+import csv
 import errno
 import glob
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
 from gesture_core.files import printable
-from gesture_core.run import journal, lock
-from gesture_core.run.manifests import read_manifest
 from gesture_core.run.readers import Readers
-from gesture_core.run.sandbox import Sandbox
+from gesture_core.run.results import OWN_FILES
+from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import LimitSettings
+from gesture_core.types import Job
 
 VIDEO_SUFFIXES = frozenset(
     ".mp4 .m4v .mov .qt .avi .mkv .webm .flv .f4v .wmv .asf .mpg .mpeg .m2v .vob .ts .mts .m2ts "
@@ -24,10 +26,8 @@ VIDEO_SUFFIXES = frozenset(
 PICTURE_SUFFIXES = frozenset(".jpg .jpeg .png .bmp .ppm .tif .tiff .webp".split())
 FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4)"
 """What to try with a picture."""
-_OWN_FILES = frozenset(
-    {journal.FILE_NAME, *(f"{journal.FILE_NAME}{end}" for end in ("-wal", "-shm")), lock.FILE_NAME}
-)
-"""What a run leaves in its folder besides its result, which may lie among videos or examples."""
+NO_TEXT, SAVE_AS_TEXT = "is not text in UTF-8", "saving it as UTF-8"
+_PATH_COLUMNS = ("path", "input", "file", "video")
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,10 @@ class Input:
 
 
 def discover(
-    sources: Sequence[str | os.PathLike[str]], *, avoid: Path | None = None, readers: Readers | None = None
+    sources: Sequence[str | os.PathLike[str]],
+    *,
+    avoid: Path | None = None,
+    assistant: Assistant | None = None,
 ) -> list[Input]:
     """Inputs in ``sources``: files, folders (walked), globs, or text and CSV manifests.
 
@@ -85,8 +88,8 @@ def discover(
         perhaps ``label``. Relative paths in it start at its own folder.
     avoid : Path, optional
         A folder that is not walked into: the run folder.
-    readers : Readers, optional
-        Who is asked what is a keypoint file; by default those of third parties in a process of their own.
+    assistant : Assistant, optional
+        Where keypoint readers are asked what is theirs; one of its own by default.
 
     Returns
     -------
@@ -99,10 +102,10 @@ def discover(
     InputError
         Where a source or a path in a manifest does not exist, or is listed with two labels.
     """
-    if readers is None:
-        with Sandbox(LimitSettings()) as sandbox:
-            return discover(sources, avoid=avoid, readers=Readers(sandbox))
-    walk = _Walk(avoid, readers)
+    if assistant is None:
+        with Assistant(Job({}, ""), LimitSettings()) as own:
+            return discover(sources, avoid=avoid, assistant=own)
+    walk = _Walk(avoid, Readers(assistant))
     found: dict[bytes, Input] = {}
     for source in sources:
         if "://" in os.fspath(source):
@@ -175,13 +178,19 @@ class _Walk:
                 return
             self._been.add(identity)
             entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
-            folders = {entry for entry in entries if _is_folder(entry)}
+            folders = set()
+            for entry in entries:
+                with suppress(
+                    OSError
+                ):  # a link into a folder that is closed to us; it is a row like any other
+                    folders |= {entry} if entry.is_dir() else set()
         except OSError as error:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
-        entries = [e for e in entries if not e.name.startswith(".") and e.name not in _OWN_FILES]
-        self._readers.expect([folder, *(e for e in entries if e not in folders and not _is_video(e))])
-        reader, fault = self._readers.of(folder)
+        entries = [e for e in entries if not e.name.startswith(".") and e.name not in OWN_FILES]
+        files = [entry for entry in entries if entry not in folders and not _is_video(entry)]
+        self._readers.expect(files)
+        reader, fault = self._readers.of(folder, {file.suffix.lower() for file in files})
         if reader:
             yield from self._members(folder, reader)
         for entry in entries:
@@ -256,12 +265,88 @@ def _identity(folder: Path) -> tuple[int, int]:
     return found.st_dev, found.st_ino
 
 
-def _is_folder(path: Path) -> bool:
-    try:
-        return path.is_dir()
-    except OSError:  # a link into a folder that is closed to us; it is a row like any other
-        return False
-
-
 def _is_video(path: Path) -> bool:
     return path.suffix.lower() in VIDEO_SUFFIXES
+
+
+def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
+    """Paths and labels listed in ``path``; None where it is no manifest.
+
+    A text manifest (``.txt``) has one path a line, a CSV manifest a column ``path`` and perhaps
+    ``label``. Relative paths start at the manifest's folder; lines that begin with ``#`` are comments.
+
+    Raises
+    ------
+    InputError
+        Where it looks like one and cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".txt", ".csv"):
+        return None
+    try:
+        with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+            if suffix == ".txt":
+                lines = [line.rstrip("\r\n") for line in _text(file)]
+                entries = [line for line in lines if line.strip() and not line.startswith("#")]
+                return [(path.parent / entry, None) for entry in entries]
+            mark, columns = _header(file.readline())
+            place = _path_column(columns)
+            if place is None:
+                return None
+            label = columns.index("label") if "label" in columns else len(columns)
+            return [
+                (path.parent / cells[place], _label(cells[label] if label < len(cells) else ""))
+                for cells in csv.reader(_text(file), delimiter=mark)
+                if place < len(cells) and cells[place]
+            ]
+    except UnicodeError:
+        raise InputError(
+            NO_TEXT, subject=printable(os.fspath(path)), remedy=SAVE_AS_TEXT, code="E_MANIFEST"
+        ) from None
+    except (OSError, csv.Error) as error:
+        raise InputError(
+            f"not a manifest: {error}", subject=printable(os.fspath(path)), code="E_MANIFEST"
+        ) from None
+
+
+def _text(lines: Iterable[str]) -> Iterator[str]:
+    """The lines; a UnicodeError where they are UTF-16, as spreadsheets offer to write."""
+    for line in lines:
+        if "\0" in line:
+            raise UnicodeError
+        yield line
+
+
+def _label(cell: str) -> str | None:
+    """A label; a UnicodeError where it is in another encoding, in which a name of a file may well be."""
+    cell.encode("utf-8")
+    return cell.strip() or None
+
+
+def _header(line: str) -> tuple[str, list[str]]:
+    """The separator of a table (spreadsheets write others than commas) and the names of its columns."""
+    found = {
+        mark: [name.strip().casefold() for name in next(csv.reader([line], delimiter=mark), [])]
+        for mark in ",;\t"
+    }
+    mark = next((mark for mark in found if _path_column(found[mark]) is not None), ",")
+    return mark, found[mark]
+
+
+def _path_column(columns: Sequence[str]) -> int | None:
+    return next((columns.index(name) for name in _PATH_COLUMNS if name in columns), None)
+
+
+def lacking(path: Path) -> str:
+    """What keeps a table from having labels."""
+    with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+        line = file.readline()
+    _, columns = _header(line)
+    if not line.strip():
+        return "is empty"
+    if "\0" in line:
+        return NO_TEXT
+    if "label" in columns and _path_column(columns) is not None:
+        return "has no label in any line"
+    missing = "path" if _path_column(columns) is None else "label"
+    return f"has no column {missing!r}, but {printable(', '.join(columns))[:200]}"

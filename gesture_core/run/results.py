@@ -1,6 +1,7 @@
-"""The truth about a run: ``run.db``, an SQLite file that survives a kill at any moment.
+"""The folder of a run, held by one process at a time, and its results: ``run.db``.
 
-Each input's rows are committed in one transaction; what is committed is never done again.
+That SQLite file survives a kill at any moment. Each input's rows are committed in one transaction; what is
+committed is never done again.
 """
 
 from __future__ import annotations
@@ -11,13 +12,16 @@ import sqlite3
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from gesture_core.errors import RunFolderError
+from gesture_core.errors import ConfigError, RunFolderError
 from gesture_core.types import COLUMNS, Row
 
-FILE_NAME = "run.db"
+DATABASE, LOCK = "run.db", "run.lock"
+OWN_FILES = frozenset({DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", LOCK})
+"""What a run leaves in its folder besides its exports; it may lie among videos or examples."""
 _VERSION = 2
 _TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {
     "frames_with_pose": "INTEGER", "attempts": "INTEGER",
@@ -56,7 +60,7 @@ class Committed:
     stamp: str
 
 
-class Journal:
+class Results:
     """An open ``run.db``. Use as a context manager.
 
     Parameters
@@ -73,10 +77,10 @@ class Journal:
     """
 
     def __init__(self, folder: Path, *, create: bool = False) -> None:
-        self.path = folder / FILE_NAME
+        self.path = folder / DATABASE
         self._writable = create
         if not create and not self.path.is_file():
-            runs = [str(path.parent) for path in sorted(folder.glob(f"*/{FILE_NAME}"))[:3]]
+            runs = [str(path.parent) for path in sorted(folder.glob(f"*/{DATABASE}"))[:3]]
             raise RunFolderError(
                 "holds no run",
                 subject=str(folder),
@@ -117,7 +121,7 @@ class Journal:
         db.execute("INSERT OR IGNORE INTO meta VALUES ('version', ?)", (str(_VERSION),))
         return db
 
-    def __enter__(self) -> Journal:
+    def __enter__(self) -> Results:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -236,23 +240,105 @@ class Journal:
         with self._transaction():
             self._db.execute("DELETE FROM rows")
 
-    def _transaction(self) -> _Transaction:
-        return _Transaction(self._db)
-
-
-class _Transaction:
-    """BEGIN on entry; COMMIT or ROLLBACK on exit."""
-
-    def __init__(self, db: sqlite3.Connection) -> None:
-        self._db = db
-
-    def __enter__(self) -> None:
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        """Committed where the block ends without an error, otherwise rolled back."""
         self._db.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+        except BaseException:
+            self._db.execute("ROLLBACK")
+            raise
+        self._db.execute("COMMIT")
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self._db.execute("COMMIT" if kind is None else "ROLLBACK")
 
-
-def open_journal(folder: str | os.PathLike[str]) -> Journal:
+def open_results(folder: str | os.PathLike[str]) -> Results:
     """The journal of an existing run folder."""
-    return Journal(Path(folder))
+    return Results(Path(folder))
+
+
+class RunLockedError(RunFolderError):
+    """Another process holds the run folder."""
+
+    code = "E_RUN_LOCKED"
+
+
+@contextmanager
+def run_lock(folder: Path) -> Iterator[None]:
+    """Hold ``folder`` for this process.
+
+    Raises
+    ------
+    RunLockedError
+        Where another living process holds it.
+    """
+    from filelock import FileLock, Timeout
+
+    # Where the system cannot lock, a soft lock would go by the number of a process, which may be another
+    # one's by now; earlier versions have no such fallback.
+    known = signature(FileLock.__init__).parameters
+    hard: dict[str, Any] = {"fallback_to_soft": False} if "fallback_to_soft" in known else {}
+    lock = FileLock(folder / LOCK, blocking=False, **hard)
+    try:
+        lock.acquire()
+    except NotImplementedError as error:
+        raise RunFolderError(
+            f"cannot be locked: {error}", subject=str(folder), remedy="--out on another file system"
+        ) from error
+    except PermissionError as error:
+        raise RunFolderError(
+            f"cannot be written: {error.strerror}",
+            subject=str(folder),
+            remedy="its permissions, or another --out",
+            code="E_RUN_WRITE",
+        ) from error
+    except Timeout:
+        raise RunLockedError(
+            "another run holds this folder", subject=str(folder), remedy="wait for it, or another --out"
+        ) from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+@contextmanager
+def run_folder(folder: Path) -> Iterator[None]:
+    """Make ``folder`` where there is none, and hold it for this process.
+
+    One that was made here, and in which no run began before an error came (a mistyped source, a wrong
+    setting), is removed: mistakes leave nothing behind.
+
+    Raises
+    ------
+    ConfigError
+        ``E_OUT`` where it is a file or cannot be made.
+    RunFolderError
+        Where another process holds it, or it cannot be held.
+    """
+    made = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise ConfigError(f"--out {folder} is a file", remedy="a folder", code="E_OUT") from None
+    except OSError as error:
+        cause = f"--out {folder} cannot be made: {error.strerror or error}"
+        raise ConfigError(cause, remedy="another place, or its permissions", code="E_OUT") from None
+    try:
+        with run_lock(folder):
+            yield
+    except BaseException:
+        if made and not _has_begun(folder):
+            with suppress(OSError):  # somebody put something else into it
+                for name in OWN_FILES:
+                    (folder / name).unlink(missing_ok=True)
+                folder.rmdir()
+        raise
+
+
+def _has_begun(folder: Path) -> bool:
+    try:
+        with open_results(folder) as found:
+            return found.get("configuration") is not None
+    except RunFolderError as error:
+        return error.code != "E_NO_RUN"

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import GestureError, InputError
-from gesture_core.run.discovery import discover
-from gesture_core.run.extraction import extract_all
-from gesture_core.run.pipeline import run_archive
-from gesture_core.run.run import Listener, RunRequest, RunSummary, as_strings, keypoint_store
-from gesture_core.run.store import read_keypoints
+from gesture_core.run.extract import extract_all
+from gesture_core.run.inputs import discover
+from gesture_core.run.pipeline import Listener, RunSummary, run_archive
+from gesture_core.run.plan import RunRequest
+from gesture_core.run.store import keypoint_store, read_keypoints
 from gesture_core.settings import Settings, load_settings
 from gesture_core.types import PoseSequence
 
@@ -53,8 +53,8 @@ def load_poses(
     GestureError
         For the first input that cannot be read; `classify_archive` gives such an input a row instead.
     """
-    found = discover(as_strings(sources))
-    items = [item for item in found if item.kind != "other"]
+    every = discover(as_strings(sources))
+    items = [item for item in every if item.kind != "other"]
     if not items:
         raise InputError(
             "holds no video or keypoint file",
@@ -62,19 +62,20 @@ def load_poses(
             remedy="another path",
             code="E_EMPTY",
         )
-    if strangers := [item.name for item in found if item.kind == "other"]:
+    if strangers := [item.name for item in every if item.kind == "other"]:
         shown = ", ".join(strangers[:5]) + (", …" if strangers[5:] else "")
         warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)
     for item in items:
         if item.kind == "broken":
             raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
-    outcomes = {o.number: o for o in extract_all(items, _settings(settings, changes), workers=workers)}
+    extracted = extract_all(items, _settings(settings, changes), workers=workers)
+    by_key = {item.key: found for item, found in extracted}
     poses: list[PoseSequence] = []
-    for number, item in enumerate(items):
-        outcome = outcomes[number]
-        if outcome.code:
-            raise GestureError(outcome.message, subject=item.name, code=outcome.code)
-        poses += read_keypoints(keypoint_store() / outcome.stored, item.name).sequences
+    for item in items:
+        found = by_key[item.key]
+        if found.code:
+            raise GestureError(found.message, subject=item.name, code=found.code)
+        poses += read_keypoints(keypoint_store() / found.stored, item.name).sequences
     return poses
 
 
@@ -86,6 +87,7 @@ def classify_archive(
     *,
     labels: str = "folder",
     workers: int = 0,
+    engine: str = "processes",
     retry_errors: bool = False,
     overwrite: bool = False,
     listener: Listener | None = None,
@@ -103,6 +105,8 @@ def classify_archive(
         As in `load_poses`.
     labels : str
         ``"folder"``, a CSV file, or a regular expression with a group ``label``.
+    engine : str
+        Name of an execution engine: ``processes``, or ``inline`` for debugging.
     retry_errors, overwrite : bool
         As in `RunRequest`.
     listener : Listener, optional
@@ -121,6 +125,7 @@ def classify_archive(
         as_strings(examples),
         labels,
         workers,
+        engine,
         retry_errors=retry_errors,
         overwrite=overwrite,
     )
@@ -130,3 +135,10 @@ def classify_archive(
 def _settings(settings: Settings | str | None, changes: dict[str, Any]) -> Settings:
     ready = settings if isinstance(settings, Settings) else load_settings(settings)
     return ready.with_values((key.replace("__", "."), value) for key, value in changes.items())
+
+
+def as_strings(sources: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> tuple[str, ...]:
+    """One source or several, as a tuple of strings."""
+    if isinstance(sources, str | os.PathLike):
+        return (os.fspath(sources),)
+    return tuple(os.fspath(source) for source in sources)
