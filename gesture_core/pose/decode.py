@@ -13,7 +13,7 @@ import numpy as np
 from gesture_core.errors import PoseError
 from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.contract import ModelContract, split_openpose
-from gesture_core.pose.heatmaps import LIMBS, AssemblyRules, assemble, top_peaks
+from gesture_core.pose.heatmaps import LEAST_SCORE, LIMBS, assemble, top_peaks
 from gesture_core.skeletons import skeleton
 
 PEAKS = 3
@@ -25,7 +25,7 @@ def decode(
     contract: ModelContract,
     input_size: tuple[int, int],
     people: str,
-    rules: AssemblyRules,
+    floor: float,
 ) -> list[list[Person]]:
     """The people in each picture of a batch, best first, in pixels of the input.
 
@@ -38,7 +38,8 @@ def decode(
         Of the input that was fed.
     people : "single" or "multi"
         The best peak of every joint as one person, or everybody that the network tells apart.
-    rules : AssemblyRules
+    floor : float
+        Least height of a joint's peak.
 
     Raises
     ------
@@ -47,9 +48,9 @@ def decode(
     """
     arrays = [np.asarray(out, np.float32) for out in outputs]
     if contract.layout == "openpose":
-        return _openpose(arrays, contract, input_size, people, rules)
+        return _openpose(arrays, contract, input_size, people, floor)
     if contract.layout == "yolo-pose":
-        return _yolo_pose(arrays[0], people, rules)
+        return _yolo_pose(arrays[0], people)
     if people != "single":
         raise _cannot_tell_apart(f"{contract.layout} finds one person in a picture")
     return _movenet(arrays[0], input_size) if contract.layout == "movenet" else _simcc(arrays, input_size)
@@ -60,7 +61,7 @@ def _openpose(
     contract: ModelContract,
     input_size: tuple[int, int],
     people: str,
-    rules: AssemblyRules,
+    floor: float,
 ) -> list[list[Person]]:
     at, apart = split_openpose([out.shape for out in outputs], contract.skeleton)
     joints = len(skeleton(contract.skeleton).joints)
@@ -69,7 +70,7 @@ def _openpose(
     step = np.array([input_size[1] / maps.shape[3], input_size[0] / maps.shape[2]], np.float32)
     if people == "single":
         # Half as high as a joint must be: such a peak counts where time and body speak for it.
-        peaks = top_peaks(maps, PEAKS, 0.5 * rules.peak)
+        peaks = top_peaks(maps, PEAKS, 0.5 * floor)
         peaks[..., :2] = (peaks[..., :2] + 0.5) * step - 0.5
         return [[Person(one[:, 0, :2], one[:, 0, 2], one)] for one in peaks]
     fields = outputs[apart] if apart is not None else outputs[at][:, joints + 1 :]
@@ -77,7 +78,7 @@ def _openpose(
         raise _cannot_tell_apart("it has no part-affinity fields")
     return [
         [Person((points + 0.5) * step - 0.5, scores) for points, scores in picture]
-        for picture in assemble(maps, fields, contract.skeleton, rules)
+        for picture in assemble(maps, fields, contract.skeleton, floor)
     ]
 
 
@@ -101,11 +102,11 @@ def _simcc(outputs: list[np.ndarray], input_size: tuple[int, int]) -> list[list[
     return [[Person(*one)] for one in zip(points.astype(np.float32), scores, strict=True)]
 
 
-def _yolo_pose(output: np.ndarray, people: str, rules: AssemblyRules) -> list[list[Person]]:
+def _yolo_pose(output: np.ndarray, people: str) -> list[list[Person]]:
     """(N, 56, M): M boxes of centre, size, score and 17 times x, y, score (Maji et al. 2022, YOLO-Pose)."""
     found = []
     for rows in output.transpose(0, 2, 1) if output.shape[1] == 56 else output:
-        rows = rows[rows[:, 4] >= rules.mean_score]
+        rows = rows[rows[:, 4] >= LEAST_SCORE]
         kept: list[np.ndarray] = []
         for row in rows[np.argsort(-rows[:, 4], kind="stable")][: 1 if people == "single" else None]:
             if all(_overlap(row, other) < 0.65 for other in kept):

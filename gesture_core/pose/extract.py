@@ -187,16 +187,15 @@ class Tracker:
         for i, track in enumerate(self._open):
             for j, person in enumerate(people):
                 cost[i, j] = _distance(track.latest, person.keypoints)
-        track_of = {
-            j: self._open[i]
-            for i, j in zip(*linear_sum_assignment(cost), strict=True)
-            if cost[i, j] <= self.reach
-        }
+        track_of: dict[int, _Track] = {}
+        for i, j in zip(*linear_sum_assignment(cost), strict=True):
+            if cost[i, j] <= self.reach:
+                track_of[int(j)] = self._open[i]
         for j, person in enumerate(people):
-            track = track_of.get(j)
-            if track is None:
-                track = _Track(self._frame, self._frame, np.full((self.joints, 2), np.nan))
-                self._open.append(track)
+            if j not in track_of:
+                track_of[j] = _Track(self._frame, self._frame, np.full((self.joints, 2), np.nan))
+                self._open.append(track_of[j])
+            track = track_of[j]
             missed = self._frame - track.first - len(track.points)
             track.points += [np.full((self.joints, 2), np.nan, np.float32)] * missed + [person.keypoints]
             track.scores += [np.zeros(self.joints, np.float32)] * missed + [person.scores]

@@ -33,6 +33,26 @@ _FARTHEST = {
 _LEAST = 32
 """Pixels: nobody can be recognised in less."""
 
+# Confidences are mean scores in 0..1.
+CERTAIN = 0.65
+"""Confidence from which a find needs no further search."""
+LOST = 0.5
+"""Confidence below which the person is searched for again, as a share of the confidence so far."""
+NOBODY = 0.15
+"""Confidence below which nobody is there."""
+TILE = 0.6
+"""Side of the tiles of the search over the shorter side of the picture."""
+GAIN = 0.1
+"""Confidence that a tile must add: a part of a large person may pass for a small one."""
+ZOOMS = 2
+"""Times that a find is looked at again in a window of its own."""
+PAUSE = 16
+"""Frames between two searches while nobody is found."""
+RECHECK = 250
+"""Frames after which a person of whom the network is not certain is searched for again."""
+DRIFT = 0.08
+"""The window is moved once the body has moved or grown by this share of the window."""
+
 
 @dataclass(frozen=True)
 class Body:
@@ -84,9 +104,13 @@ class Anatomy:
     def __init__(self, layout: Skeleton) -> None:
         self._shoulders = [layout.index("right_shoulder"), layout.index("left_shoulder")]
         self._hips = [layout.index("right_hip"), layout.index("left_hip")]
-        parts = [joint.removeprefix("left_").removeprefix("right_") for joint in layout.joints]
-        self._upper = [i for i, part in enumerate(parts) if part in _FARTHEST]
-        self._farthest = np.array([_FARTHEST[parts[i]] for i in self._upper])
+        self._upper: list[int] = []
+        self._farthest: list[float] = []
+        for i, joint in enumerate(layout.joints):
+            part = joint.removeprefix("left_").removeprefix("right_")
+            if part in _FARTHEST:
+                self._upper.append(i)
+                self._farthest.append(_FARTHEST[part])
 
     def confidence(self, person: Person | None) -> float:
         """Mean score of head, arms and hips, 0 for nobody.
@@ -128,62 +152,13 @@ class Anatomy:
         return Body(float(centre[0]), float(centre[1]), torso, (float(middle[0]), float(middle[1])))
 
 
-@dataclass(frozen=True)
-class FollowRules:
-    """How closely a person is followed.
-
-    Attributes
-    ----------
-    size : float or None
-        Side of the window over the reach of the body (raised hand to foot); None takes that of the
-        backend.
-    certain : float
-        Confidence from which a find needs no further search.
-    lost : float
-        Confidence below which the person is searched for again, as a share of the confidence so far.
-    nobody : float
-        Confidence below which nobody is there.
-    tiles : tuple of float
-        Sides of the tiles of the search over the shorter side of the picture.
-    gain : float
-        Confidence that a tile must add: a part of a large person may pass for a small one.
-    zooms : int
-        Times that a find is looked at again in a window of its own.
-    pause : int
-        Frames between two searches while nobody is found.
-    recheck : int
-        Frames after which a person of whom the network is not certain is searched for again.
-    drift : float
-        The window is moved once the body has moved or grown by this share of the window.
-    """
-
-    size: float | None = None
-    certain: float = 0.65
-    lost: float = 0.5
-    nobody: float = 0.15
-    tiles: tuple[float, ...] = (0.6,)
-    gain: float = 0.1
-    zooms: int = 2
-    pause: int = 16
-    recheck: int = 250
-    drift: float = 0.08
-
-
 class Follower:
-    """Finds one person in each frame of a video, given in order.
+    """Finds one person in each frame of a video, given in order."""
 
-    Parameters
-    ----------
-    backend : PoseBackend
-    rules : FollowRules
-    """
-
-    def __init__(self, backend: PoseBackend, rules: FollowRules | None = None) -> None:
+    def __init__(self, backend: PoseBackend) -> None:
         self.backend = backend
-        self.rules = rules or FollowRules()
         self.anatomy = Anatomy(skeleton(backend.skeleton))
-        usual = backend.crop if isinstance(backend, CropFollowing) else ModelContract.crop
-        self.size = self.rules.size or usual
+        self.size = backend.crop if isinstance(backend, CropFollowing) else ModelContract.crop
         self.searches = 0
         self._window: Window | None = None
         self._level = 0.0
@@ -195,7 +170,7 @@ class Follower:
         found: list[Person | None] = []
         while len(found) < len(frames):
             rest = frames[len(found) :]
-            uncertain = self._level < self.rules.certain and self._since_search >= self.rules.recheck
+            uncertain = self._level < CERTAIN and self._since_search >= RECHECK
             if self._window is None or uncertain:
                 self._window = self._search(rest[0])
             people = self._look(rest, self._window)
@@ -203,8 +178,8 @@ class Follower:
             if end == 0:  # lost in the very first frame of this window: search, and take what comes
                 self._window = self._search(rest[0])
                 people = self._look(rest, self._window)
-                self._pause = self.rules.pause
-                end = max(1, self._until_lost(people))
+                self._pause = PAUSE
+                end = len(people)
             found += people[:end]
             self._pause = max(0, self._pause - end)
             self._since_search += end
@@ -217,7 +192,7 @@ class Follower:
 
     def _until_lost(self, people: Sequence[Person | None]) -> int:
         """Number of leading frames in which the person is still there; all of them during a pause."""
-        floor = max(self.rules.lost * self._level, self.rules.nobody)
+        floor = max(LOST * self._level, NOBODY)
         for i, person in enumerate(people):
             if not self._pause and self.anatomy.confidence(person) < floor:
                 return i
@@ -228,7 +203,7 @@ class Follower:
         level = float(np.mean([self.anatomy.confidence(person) for person in people]))
         self._level = 0.7 * self._level + 0.3 * level if self._level else level
         bodies = [body for person in people if (body := self.anatomy.body(person)) is not None]
-        if not bodies or level < self.rules.nobody:
+        if not bodies or level < NOBODY:
             return window
         # The latest place, but the usual size: a person turning aside does not shrink. Medians,
         # so that one frame in which left and right are confused does not move the window.
@@ -236,9 +211,14 @@ class Follower:
         x, y = np.median(places[len(places) // 2 :, :2], axis=0)
         body = Body(float(x), float(y), float(np.median(places[:, 2])))
         wanted = Window.around(body, self.size, (frame.shape[1], frame.shape[0]))
-        slack = self.rules.drift * max(window.right - window.left, window.bottom - window.top)
-        edges = [(w.left, w.top, w.right, w.bottom) for w in (wanted, window)]
-        return wanted if np.abs(np.subtract(*edges)).max() > slack else window
+        slack = DRIFT * max(window.right - window.left, window.bottom - window.top)
+        moved = (
+            abs(wanted.left - window.left),
+            abs(wanted.top - window.top),
+            abs(wanted.right - window.right),
+            abs(wanted.bottom - window.bottom),
+        )
+        return wanted if max(moved) > slack else window
 
     def _search(self, frame: np.ndarray) -> Window:
         """The window around the best person in the frame; the whole frame where nobody is."""
@@ -247,22 +227,22 @@ class Follower:
         high, wide = frame.shape[:2]
         whole = Window(0, 0, wide, high)
         window, confidence = self._zoom(frame, whole)
-        if self._window is not None and confidence < self.rules.certain:
+        if self._window is not None and confidence < CERTAIN:
             kept, before = self._zoom(frame, self._window)
             if before > confidence:
                 window, confidence = kept, before
-        if confidence < self.rules.certain:
-            tiles = []
-            for share in self.rules.tiles:
-                side = max(_LEAST, round(share * min(wide, high)))
-                for top in _starts(high, side):
-                    for left in _starts(wide, side):
-                        tiles.append(Window(left, top, min(left + side, wide), min(top + side, high)))
+        if confidence < CERTAIN:
+            side = max(_LEAST, round(TILE * min(wide, high)))
+            tiles = [
+                Window(left, top, min(left + side, wide), min(top + side, high))
+                for top in _starts(high, side)
+                for left in _starts(wide, side)
+            ]
             seen = self.backend.estimate([tile.view(frame) for tile in tiles])
             levels = [self.anatomy.confidence(people[0] if people else None) for people in seen]
             for i in np.argsort(np.negative(levels), kind="stable")[:3]:
                 again, better = self._zoom(frame, tiles[i])
-                if better > confidence + self.rules.gain:
+                if better > confidence + GAIN:
                     window, confidence = again, better
         self._level = confidence
         return window if confidence > 0 else whole
@@ -270,7 +250,7 @@ class Follower:
     def _zoom(self, frame: np.ndarray, window: Window) -> tuple[Window, float]:
         """Follow a find in `window` into a window of its own; the window with the highest confidence."""
         best, highest = window, 0.0
-        for _ in range(self.rules.zooms + 1):
+        for _ in range(ZOOMS + 1):
             person = self._look([frame], window)[0]
             confidence = self.anatomy.confidence(person)
             if confidence >= highest:

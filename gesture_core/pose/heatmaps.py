@@ -8,10 +8,17 @@ Multi-Person 2D Pose Estimation using Part Affinity Fields").
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+# Of the assembly of people; the figures are OpenPose's where it names one.
+ALONG = 0.05
+"""Field strength that counts as "along the limb" at one sample."""
+SHARE = 0.8
+"""Share of samples on the line between two joints that must be along the limb."""
+SAMPLES = 10
+LEAST_JOINTS = 4
+LEAST_SCORE = 0.2
+"""Joints of a person, and their mean score; what has less is nobody."""
 _FLOOR = 1e-4
 
 LIMBS: dict[str, tuple[tuple[int, int], ...]] = {
@@ -30,34 +37,6 @@ LIMBS: dict[str, tuple[tuple[int, int], ...]] = {
     ),
 }  # fmt: skip
 """Joints of each limb in the channel order of the fields: channels 2k (x) and 2k + 1 (y) are limb k's."""
-
-
-@dataclass(frozen=True)
-class AssemblyRules:
-    """Thresholds of joints and people; the defaults are those of OpenPose where it names one.
-
-    Attributes
-    ----------
-    peak : float
-        Height of a heat map's peak.
-    along : float
-        Field strength that counts as "along the limb" at one sample.
-    share : float
-        Share of samples that must be along the limb.
-    samples : int
-        On the line between two joints.
-    joints : int
-        A person has at least so many.
-    mean_score : float
-        And at least this mean score of joints.
-    """
-
-    peak: float = 0.1
-    along: float = 0.05
-    share: float = 0.8
-    samples: int = 10
-    joints: int = 4
-    mean_score: float = 0.2
 
 
 def find_peaks(maps: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -105,7 +84,8 @@ def find_peaks(maps: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray, 
 
 def _vertex(cells: np.ndarray, place: np.ndarray, step: int) -> np.ndarray:
     """How far the vertex of the parabola lies from the cell at ``place``, in cells."""
-    a, b, c = np.log(np.maximum(cells[place + [[-step], [0], [step]]], _FLOOR))
+    near = place + np.array([[-step], [0], [step]])
+    a, b, c = np.log(np.maximum(cells[near], _FLOOR))
     curve = a - 2 * b + c
     flat = ~(curve < -1e-6)  # NaN too: then the cell itself is kept
     return np.clip(np.where(flat, 0, (a - c) / np.where(flat, 1, 2 * curve)), -0.5, 0.5)
@@ -138,7 +118,7 @@ def top_peaks(maps: np.ndarray, count: int, floor: float) -> np.ndarray:
     return found
 
 
-def limb_scores(field: np.ndarray, starts: np.ndarray, ends: np.ndarray, rules: AssemblyRules) -> np.ndarray:
+def limb_scores(field: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """(A, B) mean of the field along the lines from each of A `starts` to each of B `ends`.
 
     Zero where too few samples point along the line.
@@ -147,25 +127,24 @@ def limb_scores(field: np.ndarray, starts: np.ndarray, ends: np.ndarray, rules: 
     ----------
     field : (2, h, w) array
     starts, ends : (A, 2) and (B, 2) arrays, x and y in cells
-    rules : AssemblyRules
     """
     high, wide = field.shape[1:]
     step = ends[None] - starts[:, None]
     length = np.linalg.norm(step, axis=2)
     unit = step / np.maximum(length, 1e-6)[..., None]
-    at = np.linspace(0, 1, rules.samples, dtype=np.float32)
+    at = np.linspace(0, 1, SAMPLES, dtype=np.float32)
     line = starts[:, None, None] + step[:, :, None] * at[:, None]
     x = np.clip(np.rint(line[..., 0]).astype(np.intp), 0, wide - 1)
     y = np.clip(np.rint(line[..., 1]).astype(np.intp), 0, high - 1)
     along = field[0, y, x] * unit[..., None, 0] + field[1, y, x] * unit[..., None, 1]
-    good = (along > rules.along).mean(axis=2) >= rules.share
+    good = (along > ALONG).mean(axis=2) >= SHARE
     # Lines longer than half the picture are seldom limbs: OpenPose's own penalty.
     far = np.minimum(0.5 * max(high, wide) / np.maximum(length, 1e-6) - 1, 0)
     return np.where(good, np.maximum(along.mean(axis=2) + far, 0), 0)
 
 
 def assemble(
-    maps: np.ndarray, fields: np.ndarray, skeleton: str, rules: AssemblyRules
+    maps: np.ndarray, fields: np.ndarray, skeleton: str, floor: float
 ) -> list[list[tuple[np.ndarray, np.ndarray]]]:
     """People in each picture of a batch, best first.
 
@@ -177,21 +156,22 @@ def assemble(
         Part-affinity fields, channels as `LIMBS`.
     skeleton : str
         A key of `LIMBS`.
-    rules : AssemblyRules
+    floor : float
+        Least height of a peak.
 
     Returns
     -------
     for each picture a list of (points (J, 2) in cells, scores (J,)); NaN and 0 where missing
     """
-    picture, joint, points, scores = find_peaks(maps, rules.peak)
+    picture, joint, points, scores = find_peaks(maps, floor)
     found = []
     for n in range(len(maps)):
         mine = np.nonzero(picture == n)[0]
         of_joint = [mine[joint[mine] == j] for j in range(maps.shape[1])]
         whole = []
-        for person in _people(fields[n], points, scores, of_joint, LIMBS[skeleton], rules):
+        for person in _people(fields[n], points, scores, of_joint, LIMBS[skeleton]):
             has = person >= 0
-            if has.sum() >= rules.joints and scores[person[has]].mean() >= rules.mean_score:
+            if has.sum() >= LEAST_JOINTS and scores[person[has]].mean() >= LEAST_SCORE:
                 xy = np.full((len(person), 2), np.nan, np.float32)
                 xy[has] = points[person[has]]
                 score = np.zeros(len(person), np.float32)
@@ -207,7 +187,6 @@ def _people(
     scores: np.ndarray,
     of_joint: list[np.ndarray],
     limbs: tuple[tuple[int, int], ...],
-    rules: AssemblyRules,
 ) -> list[np.ndarray]:
     """For each person a (J,) array of peak numbers, -1 where missing: limbs joined, strongest first."""
     edges: list[tuple[float, int, int, int, int]] = []
@@ -215,7 +194,7 @@ def _people(
         starts, ends = of_joint[a], of_joint[b]
         if not len(starts) or not len(ends):
             continue
-        strength = limb_scores(fields[2 * k : 2 * k + 2], points[starts], points[ends], rules)
+        strength = limb_scores(fields[2 * k : 2 * k + 2], points[starts], points[ends])
         first, second = np.nonzero(strength > 0)
         rank = strength[first, second] + 0.5 * scores[starts][first] + 0.5 * scores[ends][second]
         used: set[int] = set()  # each peak belongs to one limb of a kind

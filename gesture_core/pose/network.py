@@ -18,7 +18,6 @@ from gesture_core.errors import ModelError, PoseError
 from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.contract import ModelContract, Tensor, infer_contract
 from gesture_core.pose.decode import decode
-from gesture_core.pose.heatmaps import AssemblyRules
 from gesture_core.pose.models import ModelFile
 from gesture_core.pose.onnx_header import OnnxHeader, read_header
 
@@ -170,7 +169,6 @@ class NetworkBackend(ABC):
         self.contract = model.contract or self._contract_of_a_run()
         self.follow, self.crop = self.contract.follow, self.contract.crop
         self.score = self.contract.score if score is None else score
-        self.rules = AssemblyRules(peak=max(self.score, 0.05))
         self.batch_size = self.contract.batch or batch_size
         self.skeleton = self.contract.skeleton
         free = height or self.contract.default_size
@@ -229,7 +227,7 @@ class NetworkBackend(ABC):
         outputs = self.run(batch)
         if lacking:
             outputs = [output[: len(frames)] for output in outputs]
-        pictures = decode(outputs, self.contract, size, people, self.rules)
+        pictures = decode(outputs, self.contract, size, people, max(self.score, 0.05))
         return [[self._in_frame(person, box, frame_size) for person in picture] for picture in pictures]
 
     def _in_frame(self, person: Person, box: Letterbox, frame_size: tuple[int, int]) -> Person:

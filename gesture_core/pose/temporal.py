@@ -11,7 +11,6 @@ sequence wins (Viterbi 1967; on limbs Felzenszwalb and Huttenlocher 2005).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,91 +31,62 @@ _LIMBS = (
 )
 
 
-@dataclass(frozen=True)
-class ChoiceRules:
-    """What speaks for a choice; lengths in torsos (shoulders to hips), times in seconds.
-
-    Attributes
-    ----------
-    peaks : int
-        Of each joint that are considered, and of the same joint of the other side `mirrored` of them.
-    mirrored : int
-    score : float
-        Weight of the logarithm of a peak's score.
-    other_side : float
-        Cost of taking a peak that the network gave to the other side; where it confuses the shoulders or
-        hips too, that is one mistake, and it costs as much not to follow it.
-    missing : float
-        Cost of a joint that the network does not see, where the other side's peak would be near.
-    together : float
-        Cost of putting the left and the right joint into one place, nearer than `near`.
-    near : float
-    swap : float
-        Cost of exchanging left and right of the shoulders or hips that the network gave.
-    face : float
-        Cost of a back that is turned to the camera while a face is seen, times the face's score.
-    twist : float
-        Cost of hips that point the other way than the shoulders.
-    slack : float
-        Length beyond that of a limb at which the cost is 1; it grows with the square, to `most`.
-    most : float
-    still, speed : float
-        A joint may move by ``still + speed * seconds`` at a cost of 1; it grows with the square, to `jump`.
-    jump : float
-    weights : three floats
-        Of that cost for shoulders and hips, elbows and knees, wrists and ankles.
-    states : int
-        The cheapest of each frame that are followed.
-    """
-
-    peaks: int = 3
-    mirrored: int = 2
-    score: float = 1.5
-    other_side: float = 1.0
-    missing: float = 4.5
-    together: float = 3.0
-    near: float = 0.12
-    swap: float = 0.5
-    face: float = 8.0
-    twist: float = 3.0
-    slack: float = 0.1
-    most: float = 9.0
-    still: float = 0.08
-    speed: float = 4.0
-    jump: float = 6.0
-    weights: tuple[float, float, float] = (4.0, 2.0, 0.5)
-    states: int = 24
+# What speaks for a choice; lengths in torsos (shoulders to hips), times in seconds.
+PEAKS, MIRRORED = 3, 2
+"""Peaks of each joint that are considered, and of the same joint of the other side."""
+SCORE = 1.5
+"""Weight of the logarithm of a peak's score."""
+OTHER_SIDE = 1.0
+"""Cost of taking a peak that the network gave to the other side; where it confuses the shoulders or hips
+too, that is one mistake, and it costs as much not to follow it."""
+MISSING = 4.5
+"""Cost of a joint that the network does not see, where the other side's peak would be near."""
+NEAR, TOGETHER = 0.12, 3.0
+"""Below this length the left and the right joint are in one place, which has this cost."""
+SWAP = 0.5
+"""Cost of exchanging left and right of the shoulders or hips that the network gave."""
+FACE = 8.0
+"""Cost of a back that is turned to the camera while a face is seen, times the face's score."""
+TWIST = 3.0
+"""Cost of hips that point the other way than the shoulders."""
+SLACK, LONGEST = 0.1, 9.0
+"""Length beyond that of a limb at which the cost is 1; it grows with the square, up to the second."""
+STILL, SPEED, JUMP = 0.08, 4.0, 6.0
+"""A joint may move by ``STILL + SPEED * seconds`` at a cost of 1; it grows with the square, to `JUMP`."""
+WEIGHTS = (4.0, 2.0, 0.5)
+"""Of that cost for shoulders and hips, elbows and knees, wrists and ankles."""
+STATES = 24
+"""The cheapest of each frame that are followed."""
 
 
 class JointChoice:
     """Chooses the arms and legs of one person.
 
-    Parameters
+    Attributes
     ----------
-    body : Skeleton
-    rules : ChoiceRules
+    joints : list of int
+        Those whose peaks are needed, in the order that `choose` takes them in.
     """
 
-    def __init__(self, body: Skeleton, rules: ChoiceRules | None = None) -> None:
-        self.rules = rules or ChoiceRules()
+    def __init__(self, body: Skeleton) -> None:
         self._body = body
-        # (root, middle, end) of arms and of legs, each as (right, left).
-        self._limbs = [[self._pair(part) for part in parts] for parts, _ in _LIMBS]
-        self.joints = tuple(joint for _, *parts in self._limbs for pair in parts for joint in pair)
-        """Joints whose peaks are needed, in the order that `choose` takes them in."""
-
-    def _pair(self, part: str) -> tuple[int, int]:
-        return self._body.index(f"right_{part}"), self._body.index(f"left_{part}")
+        self.joints: list[int] = []
+        self._limbs: list[list[tuple[int, int]]] = []
+        """(root, middle, end) of arms and of legs, each as (right, left)."""
+        for parts, _ in _LIMBS:
+            limb = [(body.index(f"right_{part}"), body.index(f"left_{part}")) for part in parts]
+            self._limbs.append(limb)
+            self.joints += [*limb[1], *limb[2]]
 
     def peaks_of(self, person: Person | None) -> np.ndarray:
-        """(len(joints), rules.peaks, 3): where each of `joints` may be; without peaks, where it is."""
-        found = np.full((len(self.joints), self.rules.peaks, 3), np.nan, np.float32)
+        """(len(joints), PEAKS, 3): where each of `joints` may be; without peaks, where it is."""
+        found = np.full((len(self.joints), PEAKS, 3), np.nan, np.float32)
         found[..., 2] = 0
         if person is not None:
             peaks = person.peaks
             if peaks is None:
                 peaks = np.column_stack([person.keypoints, person.scores])[:, None]
-            few = peaks[list(self.joints), : self.rules.peaks]
+            few = peaks[self.joints, :PEAKS]
             found[:, : few.shape[1]] = few
         return found
 
@@ -141,12 +111,11 @@ class JointChoice:
             New arrays of the same shapes.
         """
         points, scores = np.array(points, np.float32), np.array(scores, np.float32)
-        rules = self.rules
         torso = self._torso_lengths(points)
         if len(points) == 0 or np.isnan(torso).all():
             return points, scores
         face = scores[:, self._body.index("nose")] if "nose" in self._body.joints else scores[:, 0] * 0
-        steps = rules.still + rules.speed * np.clip(np.diff(times), 0, 0.5)
+        steps = STILL + SPEED * np.clip(np.diff(times), 0, 0.5)
         of_joint = {joint: peaks[:, i] for i, joint in enumerate(self.joints)}
         every = np.arange(len(points))
         across = None
@@ -154,18 +123,18 @@ class JointChoice:
             # (T, 2 ways, 2 sides, 2): as the network gave them, and exchanged.
             roots = np.stack([points[:, root], points[:, root[::-1]]], axis=1)
             away = np.nan_to_num(roots[:, :, 0, 0] - roots[:, :, 1, 0]) / torso[:, None]
-            exchange = rules.face * face[:, None] * np.clip(away / 0.3, 0, 1) + np.array([0.0, rules.swap])
+            exchange = FACE * face[:, None] * np.clip(away / 0.3, 0, 1) + np.array([0.0, SWAP])
             if across is not None:  # hips against the line from the left to the right shoulder
                 hips = roots[:, :, 0] - roots[:, :, 1]
                 length = np.maximum(np.linalg.norm(across, axis=1), 1e-6)
                 along = (hips * across[:, None]).sum(-1) / length[:, None]
-                exchange += rules.twist * np.nan_to_num(np.clip(-along / (0.3 * torso[:, None]), 0, 1))
+                exchange += TWIST * np.nan_to_num(np.clip(-along / (0.3 * torso[:, None]), 0, 1))
             pools = [
-                _Pool.of(of_joint[own], of_joint[other], torso, rules)
+                _Pool.of(of_joint[own], of_joint[other], torso)
                 for pair in (middle, end)
                 for own, other in (pair, pair[::-1])
             ]
-            chosen = _Sequence(rules, lengths, torso, roots, pools, exchange).cheapest(steps)
+            chosen = _Sequence(lengths, torso, roots, pools, exchange).cheapest(steps)
             way, *picks = np.unravel_index(chosen, (2, *(pool.costs.shape[2] for pool in pools)))
             points[:, root] = roots[every, way]
             turned = way == 1
@@ -207,24 +176,24 @@ class _Pool(NamedTuple):
     costs: np.ndarray
 
     @classmethod
-    def of(cls, own: np.ndarray, other: np.ndarray, torso: np.ndarray, rules: ChoiceRules) -> _Pool:
+    def of(cls, own: np.ndarray, other: np.ndarray, torso: np.ndarray) -> _Pool:
         """The pool of a joint from its own peaks (T, K, 3) and those of the other side's joint."""
-        mine, theirs = own[:, : rules.peaks], other[:, : rules.mirrored]
+        mine, theirs = own[:, :PEAKS], other[:, :MIRRORED]
         both = np.concatenate([mine, theirs], axis=1)
         points, scores = both[..., :2], np.nan_to_num(both[..., 2])
-        costs = np.repeat(-rules.score * np.log(np.maximum(scores, 0.03))[:, None], 2, axis=1)
-        costs[:, 0, mine.shape[1] :] += rules.other_side
-        costs[:, 1, : mine.shape[1]] += rules.other_side
+        costs = np.repeat(-SCORE * np.log(np.maximum(scores, 0.03))[:, None], 2, axis=1)
+        costs[:, 0, mine.shape[1] :] += OTHER_SIDE
+        costs[:, 1, : mine.shape[1]] += OTHER_SIDE
         none = np.isnan(points[..., 0])
         costs = np.where(none[:, None], np.inf, costs)
         # A peak in both maps is one place, at the lower of its costs.
         gaps = np.linalg.norm(theirs[:, None, :, :2] - mine[:, :, None, :2], axis=-1)
-        same = (gaps < rules.near * torso[:, None, None])[:, None]
+        same = (gaps < NEAR * torso[:, None, None])[:, None]
         own_costs, other_costs = np.split(costs, [mine.shape[1]], axis=2)
         dearer = own_costs[..., None] > other_costs[:, :, None]
         drop = np.concatenate([(same & dearer).any(axis=3), (same & ~dearer).any(axis=2)], axis=2)
         costs = np.where(drop, np.inf, costs)
-        costs[none[:, 0], :, 0] = rules.missing
+        costs[none[:, 0], :, 0] = MISSING
         return cls(points, scores, costs)
 
 
@@ -233,7 +202,6 @@ class _Sequence(NamedTuple):
 
     Parameters
     ----------
-    rules : ChoiceRules
     lengths : two floats
         Of the upper and the lower part, in torso lengths.
     torso : (T,) array
@@ -246,7 +214,6 @@ class _Sequence(NamedTuple):
         Costs of leaving and of exchanging the roots.
     """
 
-    rules: ChoiceRules
     lengths: tuple[float, float]
     torso: np.ndarray
     roots: np.ndarray
@@ -254,13 +221,13 @@ class _Sequence(NamedTuple):
     exchange: np.ndarray
 
     def cheapest(self, steps: np.ndarray) -> np.ndarray:
-        """(T,) number of the choice in each frame, of the cheapest sequence; ``steps`` are (T - 1,) reaches."""
+        """(T,) number of the choice in each frame, of the cheapest sequence; ``steps`` (T - 1,) are reaches."""
         frames = len(self.roots)
         sizes = [pool.costs.shape[2] for pool in self.pools]
-        width = min(self.rules.states, 2 * int(np.prod(sizes)))
+        width = min(STATES, 2 * int(np.prod(sizes)))
         states = np.empty((frames, width), np.int32)
         before = np.zeros((frames, width), np.int16)
-        weights = np.repeat(np.array(self.rules.weights), 2)
+        weights = np.repeat(np.array(WEIGHTS), 2)
         total = np.zeros(0)
         last = np.zeros((0, 6, 2))
         for start in range(0, frames, _BLOCK):
@@ -282,7 +249,7 @@ class _Sequence(NamedTuple):
                     gaps = joints[i][None] - last[:, None]
                     moved = np.square(gaps).sum(-1) / (self.torso[frame] * steps[frame - 1]) ** 2
                     # A joint that is missing before or after may have gone anywhere.
-                    ways = np.nan_to_num(np.minimum(moved, self.rules.jump), nan=1.0) @ weights
+                    ways = np.nan_to_num(np.minimum(moved, JUMP), nan=1.0) @ weights
                     ways += total[:, None]
                     before[frame] = ways.argmin(axis=0)
                     total = ways.min(axis=0) + own[i]
@@ -297,7 +264,7 @@ class _Sequence(NamedTuple):
 
     def _costs(self, at: slice) -> np.ndarray:
         """(B, 2, M, M, E, E) costs of every choice in the frames ``at``."""
-        rules, torso, root = self.rules, self.torso[at], self.roots[at]
+        torso, root = self.torso[at], self.roots[at]
         points = [pool.points[at] for pool in self.pools]
         costs = [pool.costs[at] for pool in self.pools]
         limbs = []
@@ -311,12 +278,14 @@ class _Sequence(NamedTuple):
         total = limbs[0][:, :, :, None, :, None] + limbs[1][:, :, None, :, None, :]
         for right, axes in ((0, (1, 4, 5)), (2, (1, 2, 3))):  # left and right in one place
             gaps = np.linalg.norm(points[right][:, :, None] - points[right + 1][:, None], axis=-1)
-            near = np.where(gaps < rules.near * torso[:, None, None], rules.together, 0.0)
+            near = np.where(gaps < NEAR * torso[:, None, None], TOGETHER, 0.0)
             total += np.expand_dims(near, axes)
-        return total + self.exchange[at][:, :, None, None, None, None]
+        total += self.exchange[at][:, :, None, None, None, None]
+        return total
 
     def _too_long(self, gaps: np.ndarray, length: float, torso: np.ndarray) -> np.ndarray:
         """Costs of limbs from joint to joint, ``gaps`` (B, ..., 2); a missing joint costs a little."""
         excess = np.linalg.norm(gaps, axis=-1) / torso.reshape(-1, *[1] * (gaps.ndim - 2)) - length
-        cost = np.minimum(np.square(np.maximum(excess, 0) / self.rules.slack), self.rules.most)
-        return np.nan_to_num(cost, nan=1.0)
+        cost = np.minimum(np.square(np.maximum(excess, 0) / SLACK), LONGEST)
+        costs: np.ndarray = np.nan_to_num(cost, nan=1.0)
+        return costs

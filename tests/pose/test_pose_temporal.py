@@ -11,7 +11,7 @@ from tiny_networks import FIGURE
 from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.extract import extract_poses
 from gesture_core.pose.follow import Window
-from gesture_core.pose.temporal import ChoiceRules, JointChoice
+from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import COCO17, COCO18, MPI15, SKELETONS
 
 RIGHT, LEFT = [2, 3, 4, 8, 9, 10], [5, 6, 7, 11, 12, 13]
@@ -37,9 +37,8 @@ def chosen(
     *,
     scores: np.ndarray | None = None,
     step: float = 0.05,
-    rules: ChoiceRules | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    choice = JointChoice(COCO18, rules)
+    choice = JointChoice(COCO18)
     peaks = peaks_of(choice, points) if peaks is None else peaks
     scores = np.where(np.isnan(points[..., 0]), 0, 0.7) if scores is None else scores
     return choice.choose(points, scores, peaks, np.arange(len(points)) * step)
@@ -190,10 +189,10 @@ def test_the_peaks_of_a_person_are_kept_or_made() -> None:
     points, scores = np.arange(34.0).reshape(17, 2), np.linspace(0.1, 0.9, 17)
     plain = choice.peaks_of(Person(points, scores))
     assert plain.shape == (8, 3, 3) and np.isnan(plain[:, 1:, :2]).all() and (plain[:, 1:, 2] == 0).all()
-    np.testing.assert_allclose(plain[:, 0, :2], points[list(choice.joints)])
+    np.testing.assert_allclose(plain[:, 0, :2], points[choice.joints])
     peaks = np.random.default_rng(0).random((17, 4, 3)).astype(np.float32)
     seen = Person(points, scores, peaks)
-    np.testing.assert_array_equal(choice.peaks_of(seen), peaks[list(choice.joints), :3])
+    np.testing.assert_array_equal(choice.peaks_of(seen), peaks[choice.joints, :3])
     aside = Window(10, 20, 30, 40).back(seen)
     assert aside.peaks is not None
     np.testing.assert_allclose(aside.peaks - peaks, np.broadcast_to((10, 20, 0), peaks.shape), atol=1e-5)
