@@ -96,11 +96,16 @@ def open_regular(
         ) from cause
     except (OSError, ValueError) as cause:
         text = cause.strerror if isinstance(cause, OSError) else str(cause)
-        raise error(f"cannot be opened: {text}", subject=name, code=f"{prefix}_UNREADABLE") from cause
+        raise error(
+            f"cannot be opened: {text}",
+            subject=name,
+            remedy="check its permissions",
+            code=f"{prefix}_UNREADABLE",
+        ) from cause
     status = os.fstat(descriptor)
     if not modes.S_ISREG(status.st_mode):
         os.close(descriptor)
-        raise error("is not a regular file", subject=name, code=f"{prefix}_UNREADABLE")
+        raise error("is not a regular file", subject=name, remedy="leave it out", code=f"{prefix}_UNREADABLE")
     if status.st_size > limit:
         os.close(descriptor)
         raise error(

@@ -53,6 +53,11 @@ class Register(Protocol):
 
 
 @hookspec
+def register_video_readers(register: Register) -> None:
+    """Decoders of video files (`VideoReader`)."""
+
+
+@hookspec
 def register_pose_backends(register: Register) -> None:
     """Networks or services that find people in pictures (`PoseBackend`)."""
 

@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
+from gesture_core.errors import ConfigError
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -35,6 +37,7 @@ class Kind:
 KINDS: Mapping[str, Kind] = {
     kind.name: kind
     for kind in (
+        Kind("video", "register_video_readers", "video reader"),
         Kind("pose", "register_pose_backends", "pose backend", ("model",)),
         Kind("reader", "register_keypoint_readers", "keypoint reader"),
         Kind("normalizer", "register_normalizers", "normalizer"),
@@ -45,6 +48,143 @@ KINDS: Mapping[str, Kind] = {
         Kind("engine", "register_engines", "execution engine", ("workers", "limits")),
     )
 }
+
+# ---- video readers
+
+
+@dataclass(frozen=True)
+class VideoLimits:
+    """What one video may cost at most.
+
+    Attributes
+    ----------
+    max_pixels : int
+        Width times height of a frame; the default is that of the setting ``limits.pixels``.
+    max_frames : int
+        Frames that are decoded; the default is that of the setting ``limits.frames``.
+    max_seconds : float
+        Time stamp of the last frame, in seconds; the default is six hours.
+    max_streams : int
+        Streams that a container may announce.
+    """
+
+    max_pixels: int = 64_000_000
+    max_frames: int = 200_000
+    max_seconds: float = 6 * 3600.0
+    max_streams: int = 64
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not value > 0:
+                raise ConfigError(f"{name} is {value!r}, it must be above zero", code="E_OPTION")
+
+
+@dataclass(frozen=True)
+class VideoInfo:
+    """What the container says of its video stream.
+
+    Attributes
+    ----------
+    width, height : int
+        Pixels of the upright picture.
+    frames_declared : int or None
+        Number of frames that the header claims, None where it claims none or nonsense. Never
+        used to allocate anything.
+    fps : float or None
+        Average frames a second, None where the container does not say.
+    rotation : int
+        Degrees clockwise by which stored pictures are turned to stand upright: 0, 90, 180, 270.
+    codec : str
+        FFmpeg's name of the codec, or its four-character code.
+    container : str
+        FFmpeg's name of the container format.
+    reader : str
+        Name of the video reader.
+    mirrored : bool
+        The stored pictures are also flipped left to right, after the rotation.
+    """
+
+    width: int
+    height: int
+    frames_declared: int | None
+    fps: float | None
+    rotation: int
+    codec: str
+    container: str
+    reader: str
+    mirrored: bool = False
+
+
+@dataclass(frozen=True)
+class VideoReport:
+    """What became of a video.
+
+    Attributes
+    ----------
+    frames_declared : int or None
+        As in `VideoInfo`.
+    frames_read : int
+        Frames that were handed out.
+    damaged : int
+        Corrupt packets and frames, decoding errors, and frames that are known to be lost.
+    complete : bool
+        The video was read to its end and nothing was found damaged or missing.
+    notes : tuple of str
+        What was found, one clause each.
+    reader : str
+        Name of the video reader.
+    """
+
+    frames_declared: int | None
+    frames_read: int
+    damaged: int
+    complete: bool
+    notes: tuple[str, ...] = ()
+    reader: str = ""
+
+
+class Video(Protocol):
+    """One open video: a context manager that is iterated once.
+
+    Iterating yields ``(seconds, frame)``: seconds from the start of the stream, finite, never
+    decreasing, and (H, W, 3) uint8 in BGR, upright. Every frame has the size that ``info`` states.
+    """
+
+    @property
+    def info(self) -> VideoInfo:
+        """Known as soon as the video is open."""
+        ...
+
+    @property
+    def report(self) -> VideoReport:
+        """What was read so far; after the last frame, whether that was all."""
+        ...
+
+    def __iter__(self) -> Iterator[tuple[float, np.ndarray]]: ...
+
+    def __enter__(self) -> Video: ...
+
+    def __exit__(self, *error: object) -> None: ...
+
+
+@runtime_checkable
+class VideoReader(Protocol):
+    """Opens videos. Where what it needs is absent or too old, its construction raises a
+    MissingDependencyError, and ``pose.reader = auto`` passes on to the next reader.
+
+    `gesture_core.video.VideoDecoder` is a base for what `open` returns: it opens the file safely and
+    does what all readers share.
+    """
+
+    def open(self, path: Path, limits: VideoLimits) -> Video:
+        """The video in the file ``path``, its first frame decoded; a MediaError says what is wrong.
+
+        Memory is allocated for nothing that exceeds ``limits``.
+        """
+        ...
+
+
+# ---- pose backends
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +208,7 @@ class Person:
     peaks: np.ndarray | None = None
 
 
+@runtime_checkable
 class PoseBackend(Protocol):
     """Finds people in pictures.
 
@@ -119,6 +260,7 @@ class Traceable(Protocol):
     """Backend, runtime, hash of the model, and whatever else decides the keypoints, as text."""
 
 
+@runtime_checkable
 class KeypointReader(Protocol):
     """Reads ready-made keypoint files.
 
@@ -143,6 +285,7 @@ class KeypointReader(Protocol):
         ...
 
 
+@runtime_checkable
 class Normalizer(Protocol):
     """Brings keypoints into the body's own frame of reference."""
 
@@ -151,6 +294,7 @@ class Normalizer(Protocol):
         ...
 
 
+@runtime_checkable
 class Filter(Protocol):
     """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out.
 
@@ -166,6 +310,7 @@ class Filter(Protocol):
         ...
 
 
+@runtime_checkable
 class Selector(Protocol):
     """Chooses the salient dimensions of one sequence."""
 
@@ -195,6 +340,7 @@ class DistanceKernel(Protocol):
         ...
 
 
+@runtime_checkable
 class ResultWriter(Protocol):
     """Writes the rows of a run to a file."""
 
@@ -205,6 +351,7 @@ class ResultWriter(Protocol):
         ...
 
 
+@runtime_checkable
 class ExecutionEngine(Protocol):
     """Performs tasks, calls of worker functions by name. Constructed with ``workers`` and ``limits``.
 
@@ -230,3 +377,17 @@ class Closeable(Protocol):
     def close(self) -> None:
         """End what is kept."""
         ...
+
+
+INTERFACES: Mapping[str, type] = {
+    "video": VideoReader,
+    "pose": PoseBackend,
+    "reader": KeypointReader,
+    "normalizer": Normalizer,
+    "filter": Filter,
+    "selector": Selector,
+    "kernel": DistanceKernel,
+    "writer": ResultWriter,
+    "engine": ExecutionEngine,
+}
+"""The Protocol of each kind."""

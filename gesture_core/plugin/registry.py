@@ -253,7 +253,9 @@ def _parameters(factory: Any) -> list[str] | None:
 def _refuse_unknown(entry: Registration, factory: Any, options: Mapping[str, Any]) -> None:
     """A ConfigError for the first option that the plugin's class does not name."""
     known = _parameters(factory)
-    for option in options if known is not None else ():
+    if known is None:
+        return
+    for option in options:
         if option not in known:
             near = difflib.get_close_matches(option, known, 1)
             raise ConfigError(

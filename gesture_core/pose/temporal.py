@@ -221,7 +221,7 @@ class _Sequence(NamedTuple):
     exchange: np.ndarray
 
     def cheapest(self, steps: np.ndarray) -> np.ndarray:
-        """(T,) number of the choice in each frame, of the cheapest sequence; ``steps`` (T - 1,) are reaches."""
+        """(T,) number of each frame's choice in the cheapest sequence; ``steps`` (T - 1,) are reaches."""
         frames = len(self.roots)
         sizes = [pool.costs.shape[2] for pool in self.pools]
         width = min(STATES, 2 * int(np.prod(sizes)))

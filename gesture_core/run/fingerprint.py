@@ -29,7 +29,7 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
     """
     from gesture_core.pose.extract import REVISION
     from gesture_core.pose.models import find_model
-    from gesture_core.video.reader import reader_name
+    from gesture_core.video import reader_name
 
     plugins = registry()
     pose = settings.as_dict()["pose"]
@@ -42,13 +42,18 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
         if with_model:
             raise
         model = None
+    reader = reader_name(settings.pose.reader, settings.options)
     video = {
         "package": gesture_core.__version__,
         "extraction": REVISION,
         "settings": pose,
         "backend": str(plugins.find("pose", settings.pose.backend).origin),
         "options": settings.plugin_options(settings.pose.backend),
-        "reader": reader_name(settings.pose.reader),
+        "reader": {
+            "name": reader,
+            "origin": str(plugins.find("video", reader).origin),
+            "options": settings.plugin_options(reader),
+        },
         "model": model,
     }
     readers = {

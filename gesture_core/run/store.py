@@ -178,6 +178,8 @@ class StoreReader:
 
     def read(self, path: Path, member: str = "") -> list[PoseSequence]:
         """The sequences of the file, one for each person."""
+        if member:
+            raise KeypointError(f"has no member {member!r}", subject=path.name, code="E_KEYPOINTS_MEMBER")
         return read_keypoints(path).sequences
 
 

@@ -47,7 +47,9 @@ def main(source: str, examples: str, out: str) -> None:
         "paper", environment={}, classify__kernel="jax", pose__backend="trouble-pose", pose__reader="opencv"
     )
     watch = Watch()
-    summary = run_archive(RunRequest((source,), Path(out), settings, (examples,), workers=1), watch)
+    # In this process, so that what decides, and what it compiles, can be looked at.
+    request = RunRequest((source,), Path(out), settings, (examples,), engine="inline")
+    summary = run_archive(request, watch)
     from gesture_dtw_jax.hard import hard_tile
 
     rows = sum(summary.counts.values())

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from gesture_core.run.workers.process import Inbox, Message, WorkerError, WorkerProcess, messages
+from gesture_core.run.workers.process import Inbox, Message, WorkerProcess, messages
 from gesture_core.run.workers.worker import Worker, from_tree
 from gesture_core.settings import LimitSettings
 from gesture_core.types import Job, Outcome, Task

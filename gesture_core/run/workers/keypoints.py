@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
 from gesture_core.files import content_sha256, stamp, tree_sha256
+from gesture_core.plugin.interfaces import VideoLimits
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.run.store import mark_used, read_keypoints, write_keypoints
 from gesture_core.settings import Settings
@@ -167,10 +168,10 @@ class KeypointExtractor:
         backend, settings = self.backend, self._settings
         self._report({"frames": 0})
         from gesture_core.pose.extract import extract_poses
-        from gesture_core.video.limits import Limits
-        from gesture_core.video.reader import open_video
+        from gesture_core.video import open_video
 
-        with open_video(path, settings.pose.reader, Limits.of(settings.limits)) as video:
+        limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
+        with open_video(path, settings.pose.reader, limits, settings.options) as video:
             frames = _Counted(video, self._report)
             with calling(registry().find("pose", settings.pose.backend), passing=(OSError,)):
                 sequences = extract_poses(
@@ -230,11 +231,11 @@ class KeypointExtractor:
         """The pose backend of the settings, its network loaded, and what decoding needs, too."""
         self._report({"slow": True})
         from gesture_core.pose.extract import open_backend
-        from gesture_core.video.reader import reader_name
+        from gesture_core.video import reader_name
 
-        import_module("cv2")  # now, so that the first video does not seem to stand still
-        if reader_name(self._settings.pose.reader) == "pyav":
-            import_module("av")
+        reader = reader_name(self._settings.pose.reader, self._settings.options)
+        for module in ("cv2", *registry().find("video", reader).needs):
+            import_module(module)  # now, so that the first video does not seem to stand still
         return open_backend(self._settings, self._job.threads)
 
 

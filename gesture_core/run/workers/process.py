@@ -92,7 +92,6 @@ class WorkerProcess:
     def note(self, message: Message) -> None:
         """Take ``message``, which has come from the process, as a sign of progress."""
         self._seen, self._slow = time.monotonic(), "slow" in message
-        self._plugin = message.get("plugin", self._plugin)
 
     def failure(self) -> WorkerError | None:
         """Why the process has ended or must be ended; None while all is well."""
@@ -134,7 +133,8 @@ class WorkerProcess:
     def _error(self, cause: str, code: str, remedy: str) -> WorkerError:
         """The error, with the end of what the process wrote to standard error, on one line."""
         self._process.kill()
-        self._readers[1].join(timeout=1)
+        for reader in self._readers:
+            reader.join(timeout=1)
         lines = " | ".join(self._error_lines)[-300:]
         cause += f" ({lines})" if lines else ""
         return WorkerError(cause, subject=self._plugin, kept="nothing", remedy=remedy, code=code)
@@ -158,7 +158,10 @@ class WorkerProcess:
             for line in pipe:
                 message = json.loads(line)
                 self._ready = True
-                inbox.put((self, message))
+                if "plugin" in message:  # kept here, as nobody waits for it
+                    self._plugin = message["plugin"]
+                else:
+                    inbox.put((self, message))
         inbox.put((self, None))
 
     def _read_errors(self, pipe: IO[str]) -> None:

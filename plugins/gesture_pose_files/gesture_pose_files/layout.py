@@ -194,9 +194,9 @@ def _missing(points: np.ndarray, scores: np.ndarray | None, body: Skeleton) -> n
     if scores is not None:
         missing: np.ndarray = (scores <= 0) | (zero & np.isnan(scores))
         return missing
-    empty = zero.all(axis=1)
+    empty = np.asarray(zero.all(axis=1))
     if "neck" in body.joints and not empty.all():
-        at_neck = zero[~empty, body.index("neck")]
+        at_neck = np.asarray(zero[~empty, body.index("neck")])
         if at_neck.all() and (points < 0).any():
             return np.repeat(empty[:, None], zero.shape[1], axis=1)
     return zero
