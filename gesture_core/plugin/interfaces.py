@@ -197,18 +197,34 @@ class Person:
         Pixels of the frame that was passed in; NaN where missing.
     scores : (J,) float array
         Confidence in 0..1.
+    peaks : (J, K, 3) float32 array, optional
+        x, y and score of all places where each joint may be, the highest first; NaN, NaN, 0 beyond the
+        last. The first need not be a keypoint: it may be too low to count by itself. With them the choice
+        over time (`gesture_core.pose.temporal`) may take another place than the best of one frame.
     """
 
     keypoints: np.ndarray
     scores: np.ndarray
+    peaks: np.ndarray | None = None
 
 
 @runtime_checkable
 class PoseBackend(Protocol):
-    """Finds people in pictures. Constructed with ``model`` (a `pose.models.ModelFile`) and options."""
+    """Finds people in pictures.
+
+    Constructed with ``model`` (a `gesture_core.pose.models.ModelFile`) and options as keywords. The
+    parameters of the constructor are its options. Three of them come from the program where they are
+    taken: ``threads`` (of the runtime, 0 for its own choice), and, where the user sets them in [pose],
+    ``height`` (of the input, in pixels) and ``score`` (below which a joint is missing).
+
+    More abilities are optional: `CropFollowing`, `TemporalChoice`, `Traceable`, and `Person.peaks`.
+    `gesture_core.pose.network.NetworkBackend` is a base class that has them all.
+    """
 
     skeleton: str
+    """A key of `gesture_core.skeletons.SKELETONS`."""
     batch_size: int
+    """Frames that `estimate` is best given at once."""
 
     def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
         """People in each of ``frames``, each (H, W, 3) uint8 in BGR, best person first.
@@ -216,6 +232,32 @@ class PoseBackend(Protocol):
         ``people`` is ``"single"`` (at most one for each frame) or ``"multi"``.
         """
         ...
+
+
+@runtime_checkable
+class CropFollowing(Protocol):
+    """A pose backend that says how a crop that follows the person suits it."""
+
+    follow: bool
+    """Whether it is given such a crop unless the user says otherwise."""
+    crop: float
+    """Side of the crop over the reach of the body, from a raised hand to the foot."""
+
+
+@runtime_checkable
+class TemporalChoice(Protocol):
+    """A pose backend with an option ``steady``; without it, limbs are chosen over time by default."""
+
+    steady: bool
+    """Whether the limbs of a video are chosen for all frames together (`gesture_core.pose.temporal`)."""
+
+
+@runtime_checkable
+class Traceable(Protocol):
+    """A pose backend that says what makes its keypoints; it is kept in ``PoseSequence.provenance``."""
+
+    provenance: Mapping[str, str]
+    """Backend, runtime, hash of the model, and whatever else decides the keypoints, as text."""
 
 
 @runtime_checkable

@@ -10,8 +10,8 @@ from tiny_networks import FIGURE
 
 from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.extract import extract_poses
-from gesture_core.pose.sighting import Sighting, moved
-from gesture_core.pose.steady import Steady, SteadyRules
+from gesture_core.pose.follow import Window
+from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import COCO17, COCO18, MPI15, SKELETONS
 
 RIGHT, LEFT = [2, 3, 4, 8, 9, 10], [5, 6, 7, 11, 12, 13]
@@ -26,9 +26,9 @@ def waving(frames: int = 30, size: float = 300, jitter: float = 0.0, seed: int =
     return points + np.random.default_rng(seed).normal(0, jitter, points.shape)
 
 
-def peaks_of(steady: Steady, points: np.ndarray, score: float = 0.7) -> np.ndarray:
+def peaks_of(choice: JointChoice, points: np.ndarray, score: float = 0.7) -> np.ndarray:
     people = [Person(one, np.where(np.isnan(one[:, 0]), 0, score)) for one in points]
-    return np.stack([steady.peaks_of(person) for person in people])
+    return np.stack([choice.peaks_of(person) for person in people])
 
 
 def chosen(
@@ -37,12 +37,11 @@ def chosen(
     *,
     scores: np.ndarray | None = None,
     step: float = 0.05,
-    rules: SteadyRules | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    steady = Steady(COCO18, rules)
-    peaks = peaks_of(steady, points) if peaks is None else peaks
+    choice = JointChoice(COCO18)
+    peaks = peaks_of(choice, points) if peaks is None else peaks
     scores = np.where(np.isnan(points[..., 0]), 0, 0.7) if scores is None else scores
-    return steady.choose(points, scores, peaks, np.arange(len(points)) * step)
+    return choice.choose(points, scores, peaks, np.arange(len(points)) * step)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(40, 900), st.sampled_from([0.02, 0.04, 0.1]), st.integers(1, 40))
@@ -74,10 +73,10 @@ def test_scores_go_with_their_joints() -> None:
     scores[:, RIGHT] = 0.9
     seen[10, RIGHT], seen[10, LEFT] = truth[10, LEFT], truth[10, RIGHT]
     scores[10, RIGHT], scores[10, LEFT] = 0.5, 0.9
-    steady = Steady(COCO18)
+    choice = JointChoice(COCO18)
     people = [Person(one, score) for one, score in zip(seen, scores, strict=True)]
-    peaks = np.stack([steady.peaks_of(person) for person in people])
-    _, put_back = steady.choose(seen, scores, peaks, np.arange(30) / 20)
+    peaks = np.stack([choice.peaks_of(person) for person in people])
+    _, put_back = choice.choose(seen, scores, peaks, np.arange(30) / 20)
     assert (put_back[:, RIGHT] == np.float32(0.9)).all() and (put_back[:, LEFT] == 0.5).all()
 
 
@@ -105,14 +104,14 @@ def test_most_of_a_clip_swapped_is_put_right_by_the_face() -> None:
 def test_maps_that_show_both_sides_are_put_right_too() -> None:
     """A network in doubt has a peak at both wrists in both maps, the wrong one a little higher."""
     truth = waving().astype(np.float32)
-    steady = Steady(COCO18)
+    choice = JointChoice(COCO18)
     seen, scores = truth.copy(), np.full((30, 18), 0.5, np.float32)
     scores[:20, 0] = 0.0  # and no face in the frames that are wrong
     wrong = np.arange(30) < 20
     seen[np.ix_(wrong, RIGHT + LEFT)] = truth[np.ix_(wrong, LEFT + RIGHT)]
-    peaks = peaks_of(steady, seen, 0.5)
+    peaks = peaks_of(choice, seen, 0.5)
     across = {4: 7, 7: 4, 3: 6, 6: 3, 9: 12, 12: 9, 10: 13, 13: 10}
-    for i, joint in enumerate(steady.joints):
+    for i, joint in enumerate(choice.joints):
         peaks[:, i, 1, :2], peaks[:, i, 1, 2] = seen[:, across[joint]], 0.3
     found, _ = chosen(seen, peaks, scores=scores)
     np.testing.assert_array_equal(found, truth)
@@ -120,9 +119,9 @@ def test_maps_that_show_both_sides_are_put_right_too() -> None:
 
 def test_the_second_peak_is_taken_where_the_first_leaves_the_body() -> None:
     truth = waving().astype(np.float32)
-    steady = Steady(COCO18)
-    peaks = peaks_of(steady, truth, 0.5)
-    wrist = steady.joints.index(4)
+    choice = JointChoice(COCO18)
+    peaks = peaks_of(choice, truth, 0.5)
+    wrist = choice.joints.index(4)
     seen = truth.copy()
     for frame in (5, 6, 15, 16, 17):
         far = truth[frame, 4] + (250, -200)
@@ -136,9 +135,9 @@ def test_the_second_peak_is_taken_where_the_first_leaves_the_body() -> None:
 
 def test_a_low_peak_stands_in_for_a_joint_that_was_missing() -> None:
     truth = waving().astype(np.float32)
-    steady = Steady(COCO18)
-    peaks = peaks_of(steady, truth)
-    peaks[7, steady.joints.index(7), 0, 2] = 0.06
+    choice = JointChoice(COCO18)
+    peaks = peaks_of(choice, truth)
+    peaks[7, choice.joints.index(7), 0, 2] = 0.06
     seen = truth.copy()
     seen[7, 7] = np.nan
     found, scores = chosen(seen, peaks)
@@ -172,32 +171,32 @@ def test_blocks_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     swapped = random.random(50) < 0.3
     points[np.ix_(swapped, RIGHT + LEFT)] = points[np.ix_(swapped, LEFT + RIGHT)]
     whole = chosen(points)
-    monkeypatch.setattr("gesture_core.pose.steady._BLOCK", 7)
+    monkeypatch.setattr("gesture_core.pose.temporal._BLOCK", 7)
     for one, two in zip(whole, chosen(points), strict=True):
         np.testing.assert_array_equal(one, two)
 
 
 @pytest.mark.parametrize("body", SKELETONS.values(), ids=lambda body: body.name)
 def test_every_skeleton_has_its_limbs(body) -> None:
-    joints = {body.joints[j] for j in Steady(body).joints}
+    joints = {body.joints[j] for j in JointChoice(body).joints}
     assert joints == {
         f"{side}_{part}" for side in ("left", "right") for part in ("elbow", "wrist", "knee", "ankle")
     }
 
 
 def test_the_peaks_of_a_person_are_kept_or_made() -> None:
-    steady = Steady(COCO17)
+    choice = JointChoice(COCO17)
     points, scores = np.arange(34.0).reshape(17, 2), np.linspace(0.1, 0.9, 17)
-    plain = steady.peaks_of(Person(points, scores))
+    plain = choice.peaks_of(Person(points, scores))
     assert plain.shape == (8, 3, 3) and np.isnan(plain[:, 1:, :2]).all() and (plain[:, 1:, 2] == 0).all()
-    np.testing.assert_allclose(plain[:, 0, :2], points[list(steady.joints)])
+    np.testing.assert_allclose(plain[:, 0, :2], points[choice.joints])
     peaks = np.random.default_rng(0).random((17, 4, 3)).astype(np.float32)
-    seen = Sighting(points, scores, peaks)
-    np.testing.assert_array_equal(steady.peaks_of(seen), peaks[list(steady.joints), :3])
-    aside = moved(seen, (10, 20))
-    assert isinstance(aside, Sighting)
+    seen = Person(points, scores, peaks)
+    np.testing.assert_array_equal(choice.peaks_of(seen), peaks[choice.joints, :3])
+    aside = Window(10, 20, 30, 40).back(seen)
+    assert aside.peaks is not None
     np.testing.assert_allclose(aside.peaks - peaks, np.broadcast_to((10, 20, 0), peaks.shape), atol=1e-5)
-    assert np.isnan(steady.peaks_of(None)[..., :2]).all()
+    assert np.isnan(choice.peaks_of(None)[..., :2]).all()
 
 
 class Swapping:
