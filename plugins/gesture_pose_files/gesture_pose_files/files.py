@@ -15,6 +15,7 @@ MAX_ARRAY_BYTES = 128 << 20
 MAX_JSON_BYTES = 2 << 20
 MAX_CSV_BYTES = 512 << 20
 MAX_MEMBERS = 20_000
+_CODES = ("E_KEYPOINTS_MISSING", "E_KEYPOINTS_UNREADABLE", "E_KEYPOINTS_LIMIT")
 COPY_AGAIN = "copy it again from where it came"
 
 
@@ -27,7 +28,7 @@ def open_keypoints(path: Path, max_bytes: int) -> BinaryIO:
         `E_KEYPOINTS_MISSING`, `E_KEYPOINTS_UNREADABLE`, `E_KEYPOINTS_EMPTY`, `E_KEYPOINTS_LIMIT`.
     """
     try:
-        file = open_regular(path, max_bytes, KeypointError, "E_KEYPOINTS")
+        file = open_regular(path, max_bytes, KeypointError, _CODES)
     except KeypointError as error:
         if error.code == "E_KEYPOINTS_LIMIT":
             error.remedy = "split it"
