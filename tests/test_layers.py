@@ -93,6 +93,17 @@ def test_plugins_import_neither_each_other_nor_the_upper_floors(path: Path) -> N
 
 
 PUBLIC_FOR = {
+    "gesture_pose_files": {
+        "errors",
+        "files",
+        "plugin.hooks",
+        "plugin.interfaces",
+        "pose",
+        "skeletons",
+        "types",
+    },
+    "gesture_pose_onnx": {"errors", "plugin.hooks", "pose"},
+    "gesture_pose_opencv": {"errors", "plugin.hooks", "pose"},
     "gesture_signals": {"errors", "plugin.hooks", "signals.body", "types"},
     "gesture_video": {"errors", "plugin.hooks", "plugin.interfaces", "video"},
 }
