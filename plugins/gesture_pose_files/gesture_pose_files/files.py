@@ -1,4 +1,4 @@
-"""Opens keypoint files that nobody vouches for, and checks options that all readers share."""
+"""Opens keypoint files, which are not trusted, and checks options that all readers share."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def head_of(path: Path, count: int) -> bytes:
     Raises
     ------
     KeypointError
-        `E_KEYPOINTS_UNREADABLE` where the file is there and cannot be read: whose it is, nobody can say.
+        `E_KEYPOINTS_UNREADABLE` where the file exists and cannot be read, so that its format is unknown.
     """
     try:
         with open_keypoints(path, 1 << 62) as file:
