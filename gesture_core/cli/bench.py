@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.dtw.spec import DtwSpec
+    from gesture_core.plugin.interfaces import DistanceKernel
     from gesture_core.types import Signals
 
 RUNS = 3
@@ -63,6 +64,7 @@ def bench(
     """
     from gesture_core.dtw.distances import choose_kernel
     from gesture_core.plugin import registry
+    from gesture_core.plugin.interfaces import ApproximateKernel
 
     if out is not None:
         check_file(out)
@@ -82,7 +84,7 @@ def bench(
         mark = "auto" if name == auto else ""
         if not kernel.supports(spec):
             rows.append((name, mark, "does not compute these settings", "", "", ""))
-        elif not getattr(kernel, "exact", True):
+        elif isinstance(kernel, ApproximateKernel):
             rows.append((name, mark, "an approximation, not timed", "", "", ""))
         else:
             timings.append(_measure(name, kernel, signals, spec))
@@ -108,12 +110,11 @@ def bench(
     return 0
 
 
-def _measure(name: str, kernel: Any, signals: list[Signals], spec: DtwSpec) -> Timing:
+def _measure(name: str, kernel: DistanceKernel, signals: list[Signals], spec: DtwSpec) -> Timing:
     import numpy as np
 
-    from gesture_core.dtw.distances import make_batches
-    from gesture_core.dtw.pairs import subset
-    from gesture_core.dtw.vectorised import NumpyKernel
+    from gesture_core.dtw.batches import make_batches, subset
+    from gesture_core.plugin import registry
 
     queries, examples = make_batches(signals, signals, spec)
     state = kernel.prepare(examples, spec)
@@ -131,7 +132,7 @@ def _measure(name: str, kernel: Any, signals: list[Signals], spec: DtwSpec) -> T
         walls.append(time.perf_counter() - begun[0])
         cpus.append(time.process_time() - begun[1])
     pairs = len(asked) * len(examples)
-    plain = NumpyKernel()
+    plain: DistanceKernel = registry().make("kernel", "numpy")
     deviation = _deviation(found, plain.distances(plain.prepare(examples, spec), few))
     return Timing(name, pairs, float(np.median(walls)), float(np.median(cpus)) / pairs, deviation)
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gesture_core.dtw.cores import usable_cores
+from gesture_core.cores import usable_cores
 from gesture_core.paths import cache_dir
 from gesture_core.run.journal import open_journal
 from gesture_core.run.rows import Row

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-import numpy as np
-
 from gesture_dtw_numba.compiled import compiled, sources
 
 
@@ -15,8 +13,8 @@ from gesture_dtw_numba.compiled import compiled, sources
 def compiled_keogh() -> Callable[..., int]:
     """The compiled function; it returns the checksum of the code that it was compiled from.
 
-    It sets ``out`` (N, D) to the sums over frames of what ``query`` (D, n) lies outside
-    ``lower`` and ``upper`` (N, D, n) by, squared where asked. All float64. The order of a sum is the
+    It sets ``out`` (N, D) to the sums over frames of how far ``query`` (D, n) lies outside
+    ``lower`` and ``upper`` (N, D, n), squared where asked. All float64. The order of a sum is the
     compiler's choice: bounds have a margin for it.
     """
     version = sources()
@@ -38,10 +36,3 @@ def compiled_keogh() -> Callable[..., int]:
         return version
 
     return compiled(keogh, fastmath={"reassoc", "nnan", "nsz"})
-
-
-def keogh(query: np.ndarray, lower: np.ndarray, upper: np.ndarray, squared: bool) -> np.ndarray:
-    """(N, D) sums; see `gesture_core.dtw.bounds.keogh`."""
-    out = np.empty(lower.shape[:2])
-    compiled_keogh()(query, lower, upper, squared, out)
-    return out

@@ -19,8 +19,10 @@ ROWS = 4
 @cache
 def sources() -> int:
     """A checksum of the plugin's code: part of the key under which machine code is kept on disk."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
-    return zlib.crc32(b"".join(file.read_bytes() for file in files))
+    checksum = 0
+    for file in sorted(Path(__file__).parent.glob("*.py")):
+        checksum = zlib.crc32(file.read_bytes(), checksum)
+    return checksum
 
 
 def compiled(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
@@ -32,6 +34,7 @@ def compiled(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
     """
     options = {"nogil": True, "error_model": "numpy", **more}
     try:
-        return njit(function, cache=True, **options)
-    except RuntimeError:  # numba's way of saying that no cache folder can be written
-        return njit(function, **options)
+        result: Callable[..., Any] = njit(function, cache=True, **options)
+    except RuntimeError:  # no cache folder can be written
+        result = njit(function, **options)
+    return result
