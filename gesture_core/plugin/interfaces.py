@@ -163,7 +163,7 @@ class PairKernel(DistanceKernel, Protocol):
     def pairs(
         self, state: Any, queries: SignalBatch, query_index: np.ndarray, example_index: np.ndarray
     ) -> np.ndarray:
-        """(K,) distances of the pairs ``(query_index[k], example_index[k])``, bitwise those of `distances`."""
+        """(K,) distances of pairs ``(query_index[k], example_index[k])``, with the bits of `distances`."""
         ...
 
 
