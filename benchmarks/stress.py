@@ -20,7 +20,7 @@ from gesture_core.classify.comparison import compare
 from gesture_core.classify.neighbors import votes_of
 from gesture_core.classify.weighing import Weighing, weighing_of
 from gesture_core.errors import GestureError
-from gesture_core.report.plots import BLUE, GREEN, GREY, ORANGE, new_figure, save
+from gesture_core.report.style import BLUE, GREEN, GREY, ORANGE, new_figure, save
 from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.skeletons import COCO18

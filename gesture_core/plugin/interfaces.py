@@ -10,14 +10,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
+from gesture_core.errors import ConfigError
+
 if TYPE_CHECKING:
     from pathlib import Path
 
     import numpy as np
 
     from gesture_core.dtw.spec import DtwSpec
-    from gesture_core.run.work import Job, Outcome, Task
-    from gesture_core.types import PoseSequence, SignalBatch, Signals
+    from gesture_core.types import Job, Outcome, PoseSequence, SignalBatch, Signals, Task
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class Kind:
 KINDS: Mapping[str, Kind] = {
     kind.name: kind
     for kind in (
+        Kind("video", "register_video_readers", "video reader"),
         Kind("pose", "register_pose_backends", "pose backend", ("model",)),
         Kind("reader", "register_keypoint_readers", "keypoint reader"),
         Kind("normalizer", "register_normalizers", "normalizer"),
@@ -46,6 +48,143 @@ KINDS: Mapping[str, Kind] = {
         Kind("engine", "register_engines", "execution engine", ("workers", "limits")),
     )
 }
+
+# ---- video readers
+
+
+@dataclass(frozen=True)
+class VideoLimits:
+    """What one video may cost at most.
+
+    Attributes
+    ----------
+    max_pixels : int
+        Width times height of a frame; the default is that of the setting ``limits.pixels``.
+    max_frames : int
+        Frames that are decoded; the default is that of the setting ``limits.frames``.
+    max_seconds : float
+        Time stamp of the last frame, in seconds; the default is six hours.
+    max_streams : int
+        Streams that a container may announce.
+    """
+
+    max_pixels: int = 64_000_000
+    max_frames: int = 200_000
+    max_seconds: float = 6 * 3600.0
+    max_streams: int = 64
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not value > 0:
+                raise ConfigError(f"{name} is {value!r}, it must be above zero", code="E_OPTION")
+
+
+@dataclass(frozen=True)
+class VideoInfo:
+    """What the container says of its video stream.
+
+    Attributes
+    ----------
+    width, height : int
+        Pixels of the upright picture.
+    frames_declared : int or None
+        Number of frames that the header claims, None where it claims none or nonsense. Never
+        used to allocate anything.
+    fps : float or None
+        Average frames a second, None where the container does not say.
+    rotation : int
+        Degrees clockwise by which stored pictures are turned to stand upright: 0, 90, 180, 270.
+    codec : str
+        FFmpeg's name of the codec, or its four-character code.
+    container : str
+        FFmpeg's name of the container format.
+    reader : str
+        Name of the video reader.
+    mirrored : bool
+        The stored pictures are also flipped left to right, after the rotation.
+    """
+
+    width: int
+    height: int
+    frames_declared: int | None
+    fps: float | None
+    rotation: int
+    codec: str
+    container: str
+    reader: str
+    mirrored: bool = False
+
+
+@dataclass(frozen=True)
+class VideoReport:
+    """What became of a video.
+
+    Attributes
+    ----------
+    frames_declared : int or None
+        As in `VideoInfo`.
+    frames_read : int
+        Frames that were handed out.
+    damaged : int
+        Corrupt packets and frames, decoding errors, and frames that are known to be lost.
+    complete : bool
+        The video was read to its end and nothing was found damaged or missing.
+    notes : tuple of str
+        What was found, one clause each.
+    reader : str
+        Name of the video reader.
+    """
+
+    frames_declared: int | None
+    frames_read: int
+    damaged: int
+    complete: bool
+    notes: tuple[str, ...] = ()
+    reader: str = ""
+
+
+class Video(Protocol):
+    """One open video: a context manager that is iterated once.
+
+    Iterating yields ``(seconds, frame)``: seconds from the start of the stream, finite, never
+    decreasing, and (H, W, 3) uint8 in BGR, upright. Every frame has the size that ``info`` states.
+    """
+
+    @property
+    def info(self) -> VideoInfo:
+        """Known as soon as the video is open."""
+        ...
+
+    @property
+    def report(self) -> VideoReport:
+        """What was read so far; after the last frame, whether that was all."""
+        ...
+
+    def __iter__(self) -> Iterator[tuple[float, np.ndarray]]: ...
+
+    def __enter__(self) -> Video: ...
+
+    def __exit__(self, *error: object) -> None: ...
+
+
+@runtime_checkable
+class VideoReader(Protocol):
+    """Opens videos. Where what it needs is absent or too old, its construction raises a
+    MissingDependencyError, and ``pose.reader = auto`` passes on to the next reader.
+
+    `gesture_core.video.VideoDecoder` is a base for what `open` returns: it opens the file safely and
+    does what all readers share.
+    """
+
+    def open(self, path: Path, limits: VideoLimits) -> Video:
+        """The video in the file ``path``, its first frame decoded; a MediaError says what is wrong.
+
+        Memory is allocated for nothing that exceeds ``limits``.
+        """
+        ...
+
+
+# ---- pose backends
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,17 +197,34 @@ class Person:
         Pixels of the frame that was passed in; NaN where missing.
     scores : (J,) float array
         Confidence in 0..1.
+    peaks : (J, K, 3) float32 array, optional
+        x, y and score of all places where each joint may be, the highest first; NaN, NaN, 0 beyond the
+        last. The first need not be a keypoint: it may be too low to count by itself. With them the choice
+        over time (`gesture_core.pose.temporal`) may take another place than the best of one frame.
     """
 
     keypoints: np.ndarray
     scores: np.ndarray
+    peaks: np.ndarray | None = None
 
 
+@runtime_checkable
 class PoseBackend(Protocol):
-    """Finds people in pictures. Constructed with ``model`` (a `pose.models.ModelFile`) and options."""
+    """Finds people in pictures.
+
+    Constructed with ``model`` (a `gesture_core.pose.models.ModelFile`) and options as keywords. The
+    parameters of the constructor are its options. Three of them come from the program where they are
+    taken: ``threads`` (of the runtime, 0 for its own choice), and, where the user sets them in [pose],
+    ``height`` (of the input, in pixels) and ``score`` (below which a joint is missing).
+
+    More abilities are optional: `CropFollowing`, `TemporalChoice`, `Traceable`, and `Person.peaks`.
+    `gesture_core.pose.network.NetworkBackend` is a base class that has them all.
+    """
 
     skeleton: str
+    """A key of `gesture_core.skeletons.SKELETONS`."""
     batch_size: int
+    """Frames that `estimate` is best given at once."""
 
     def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
         """People in each of ``frames``, each (H, W, 3) uint8 in BGR, best person first.
@@ -78,6 +234,33 @@ class PoseBackend(Protocol):
         ...
 
 
+@runtime_checkable
+class CropFollowing(Protocol):
+    """A pose backend that says how a crop that follows the person suits it."""
+
+    follow: bool
+    """Whether it is given such a crop unless the user says otherwise."""
+    crop: float
+    """Side of the crop over the reach of the body, from a raised hand to the foot."""
+
+
+@runtime_checkable
+class TemporalChoice(Protocol):
+    """A pose backend with an option ``steady``; without it, limbs are chosen over time by default."""
+
+    steady: bool
+    """Whether the limbs of a video are chosen for all frames together (`gesture_core.pose.temporal`)."""
+
+
+@runtime_checkable
+class Traceable(Protocol):
+    """A pose backend that says what makes its keypoints; it is kept in ``PoseSequence.provenance``."""
+
+    provenance: Mapping[str, str]
+    """Backend, runtime, hash of the model, and whatever else decides the keypoints, as text."""
+
+
+@runtime_checkable
 class KeypointReader(Protocol):
     """Reads ready-made keypoint files.
 
@@ -102,6 +285,7 @@ class KeypointReader(Protocol):
         ...
 
 
+@runtime_checkable
 class Normalizer(Protocol):
     """Brings keypoints into the body's own frame of reference."""
 
@@ -110,6 +294,7 @@ class Normalizer(Protocol):
         ...
 
 
+@runtime_checkable
 class Filter(Protocol):
     """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out.
 
@@ -125,6 +310,7 @@ class Filter(Protocol):
         ...
 
 
+@runtime_checkable
 class Selector(Protocol):
     """Chooses the salient dimensions of one sequence."""
 
@@ -236,6 +422,7 @@ class DeviceKernel(DistanceKernel, Protocol):
         ...
 
 
+@runtime_checkable
 class ResultWriter(Protocol):
     """Writes the rows of a run to a file."""
 
@@ -246,11 +433,12 @@ class ResultWriter(Protocol):
         ...
 
 
+@runtime_checkable
 class ExecutionEngine(Protocol):
-    """Runs one job over many tasks. Constructed with ``workers`` and ``limits``.
+    """Performs tasks, calls of worker functions by name. Constructed with ``workers`` and ``limits``.
 
-    `run` is called once for the examples and once for the queries of a run, with the same job. An
-    engine that keeps something between the two has a method ``close``, which ends it.
+    `run` is called several times in a run of the program, with the same job. Wherever a task is
+    performed, it is ``gesture_core.run.workers.worker.Worker(job, report).perform(task)`` that does it.
     """
 
     def run(
@@ -259,6 +447,29 @@ class ExecutionEngine(Protocol):
         """Yield one outcome for every task, in any order.
 
         ``on_frames(task, n)`` is called as frames are done, for progress. A task that fails, hangs
-        or kills its process yields an outcome that says so; it never ends the others.
+        or ends its process yields an outcome that says so; it never ends the others.
         """
         ...
+
+
+@runtime_checkable
+class Closeable(Protocol):
+    """An engine that keeps something between two calls of `run`."""
+
+    def close(self) -> None:
+        """End what is kept."""
+        ...
+
+
+INTERFACES: Mapping[str, type] = {
+    "video": VideoReader,
+    "pose": PoseBackend,
+    "reader": KeypointReader,
+    "normalizer": Normalizer,
+    "filter": Filter,
+    "selector": Selector,
+    "kernel": DistanceKernel,
+    "writer": ResultWriter,
+    "engine": ExecutionEngine,
+}
+"""The Protocol of each kind."""

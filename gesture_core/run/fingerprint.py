@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import gesture_core
 from gesture_core.errors import ModelError
+from gesture_core.files import tree_sha256
 from gesture_core.plugin import registry
-from gesture_core.run.discovery import Input
-from gesture_core.run.hashing import settings_sha256
+from gesture_core.run.inputs import Input
 from gesture_core.settings import Settings
 
 
@@ -29,7 +30,7 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
     """
     from gesture_core.pose.extract import REVISION
     from gesture_core.pose.models import find_model
-    from gesture_core.video.reader import reader_name
+    from gesture_core.video import reader_name
 
     plugins = registry()
     pose = settings.as_dict()["pose"]
@@ -42,13 +43,18 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
         if with_model:
             raise
         model = None
+    reader = reader_name(settings.pose.reader, settings.options)
     video = {
         "package": gesture_core.__version__,
         "extraction": REVISION,
         "settings": pose,
         "backend": str(plugins.find("pose", settings.pose.backend).origin),
         "options": settings.plugin_options(settings.pose.backend),
-        "reader": reader_name(settings.pose.reader),
+        "reader": {
+            "name": reader,
+            "origin": str(plugins.find("video", reader).origin),
+            "options": settings.plugin_options(reader),
+        },
         "model": model,
     }
     readers = {
@@ -83,25 +89,21 @@ def run_configuration(
     if not kernel:
         pose = {"pose": settings.as_dict()["pose"]}
         return {"settings": pose, "keypoints": dict(identity), "plugins": {}, "examples": {}}
-    plugins = registry()
-    chosen = settings.signals
-    steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
-    steps += [("filter", name.partition(":")[0]) for name in chosen.filters]
-    steps += [("kernel", kernel)]
+    settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
+    steps = [registry().find(kind, name.partition(":")[0]) for kind, name in settings.plugins()]
     tree = settings.as_dict()
     del tree["limits"]
-    tree["classify"]["kernel"] = kernel
     return {
         "settings": tree,
         "keypoints": dict(identity),
-        "plugins": {f"{kind} {name}": str(plugins.find(kind, name).origin) for kind, name in steps},
+        "plugins": {f"{step.kind} {step.name}": str(step.origin) for step in steps},
         "examples": {item.name: {"label": item.label, "sha256": sha256} for item, sha256 in examples},
     }
 
 
 def fingerprint(configuration: Mapping[str, Any]) -> str:
     """Sixteen hexadecimal digits that change when anything in ``configuration`` does."""
-    return settings_sha256(configuration)[:16]
+    return tree_sha256(configuration)[:16]
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:

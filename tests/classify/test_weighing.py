@@ -22,7 +22,7 @@ from gesture_core.classify.neighbors import votes_of
 from gesture_core.classify.weighing import Weighing, learn_weights
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
-from gesture_core.run.run import RunSummary
+from gesture_core.run.pipeline import RunSummary
 from gesture_core.settings import load_settings
 
 ALL = load_settings("modern", ["neighbors=0"], environment={})
@@ -314,7 +314,7 @@ def test_a_run_keeps_its_weighing_and_explains_it(
     assert explain_command(tmp_path / "run", row.input, out=tmp_path / "plot.png") == 0
     text = capsys.readouterr().out
     assert row.margin is not None
-    assert f"what they say adds up to the margin, {row.margin:.3g}" in text
+    assert f"their contributions add up to the margin, {row.margin:.3g}" in text
     for name, label, distance in row.neighbors[:2]:
         line = next(line for line in text.splitlines() if name in line)
         assert label in line and f"{distance:.4g}" in line
