@@ -8,8 +8,6 @@ the exponential of the difference of three accumulated costs, loses what cancels
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +16,7 @@ from numba import njit
 from gesture_core.dtw.batches import UNREACHED
 from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
 from gesture_dtw_numba.cells import soft_shares
-from gesture_dtw_numba.compiled import LANES, compiled, sources
+from gesture_dtw_numba.compiled import LANES, compiled
 from gesture_dtw_numba.layout import aligned
 
 LOCAL, LEFT, CORNER, MOVED, GAMMA, SHARPNESS = range(6)
@@ -87,7 +85,7 @@ class GradientLanes(GradientLaneKernel):
         )
         scratch.work[GAMMA], scratch.work[SHARPNESS] = gamma, 1 / gamma
         rule = CostRule(lanes.cost != "absolute", lanes.cost == "euclidean")
-        compiled_gradients()(x, y, n, m, low, high, rule, scratch)
+        gradients(x, y, n, m, low, high, rule, scratch)
         count = len(lanes)
         return scratch.values[:count], scratch.of_x[..., :count], scratch.of_y[..., :count]
 
@@ -99,18 +97,11 @@ def _widen(array: np.ndarray, fill: int) -> np.ndarray:
     return out
 
 
-@cache
-def compiled_gradients() -> Callable[..., int]:
-    """The compiled function; it returns the checksum of the code that it was compiled from."""
-    version = sources()
-
-    def gradients(x: Any, y: Any, n: Any, m: Any, low: Any, high: Any, rule: Any, scratch: Any) -> int:
-        """Fill ``values``, ``of_x`` and ``of_y`` of ``scratch`` from (n, C, LANES) and (m, C, LANES)."""
-        _forward(x, y, n, m, low, high, rule, scratch)
-        _backward(x, y, n, m, rule, scratch)
-        return version
-
-    return compiled(gradients)
+@compiled
+def gradients(x: Any, y: Any, n: Any, m: Any, low: Any, high: Any, rule: Any, scratch: Any) -> None:
+    """Fill ``values``, ``of_x`` and ``of_y`` of ``scratch`` from (n, C, LANES) and (m, C, LANES)."""
+    _forward(x, y, n, m, low, high, rule, scratch)
+    _backward(x, y, n, m, rule, scratch)
 
 
 @njit(nogil=True, error_model="numpy")

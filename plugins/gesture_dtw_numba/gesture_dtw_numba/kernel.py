@@ -14,10 +14,10 @@ from gesture_core.dtw.batches import lane_cost
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.plugin.interfaces import BoundedKernel, GradientKernel, LowerBoundKernel, PairKernel
 from gesture_core.types import SignalBatch
-from gesture_dtw_numba.bounds import compiled_keogh
+from gesture_dtw_numba.bounds import keogh
 from gesture_dtw_numba.compiled import LANES, ROWS
 from gesture_dtw_numba.layout import Batch, Costs, Rule, aligned, make_bands, make_batch, make_scratch
-from gesture_dtw_numba.tile import compiled_groups
+from gesture_dtw_numba.tile import groups
 
 QUERIES, EXAMPLES = 16, 512
 """Size of a tile: the unit that a thread takes."""
@@ -25,7 +25,7 @@ GROUPS = 64
 """Queries whose chosen examples a thread takes at once."""
 
 Task = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Groups as `tile.compiled_groups` takes them (queries, their cuts, examples, their cuts), and where
+"""Groups as `tile.groups` takes them (queries, their cuts, examples, their cuts), and where
 in the output each distance belongs."""
 
 
@@ -118,7 +118,7 @@ class NumbaKernel(PairKernel, BoundedKernel, GradientKernel, LowerBoundKernel):
     def keogh(self, query: np.ndarray, lower: np.ndarray, upper: np.ndarray, squared: bool) -> np.ndarray:
         """(N, D) LB_Keogh of one query (D, n) against envelopes (N, D, n)."""
         out = np.empty(lower.shape[:2])
-        compiled_keogh()(query, lower, upper, squared, out)
+        keogh(query, lower, upper, squared, out)
         return out
 
     def gradients(
@@ -157,9 +157,7 @@ class NumbaKernel(PairKernel, BoundedKernel, GradientKernel, LowerBoundKernel):
             scratch = make_scratch(int(n.max()), int(m.max()), width, rule.banded, dtype)
             bands = make_bands(n, m, spec)
             found = np.empty(len(place))
-            compiled_groups()(
-                batch, qs, q_cuts, examples, es, e_cuts, rule, bands, gamma, costs, limits, scratch, found
-            )
+            groups(batch, qs, q_cuts, examples, es, e_cuts, rule, bands, gamma, costs, limits, scratch, found)
             out[place] = found
 
         threads = min(self.threads or usable_cores(), len(tasks))

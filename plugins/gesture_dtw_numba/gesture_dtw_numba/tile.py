@@ -2,68 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numba import njit
 
-from gesture_dtw_numba.compiled import LANES, ROWS, compiled, sources
+from gesture_dtw_numba.compiled import LANES, ROWS, compiled
 from gesture_dtw_numba.sweep import sweep
 
 
-@cache
-def compiled_groups() -> Callable[..., int]:
-    """The compiled function of groups of queries and examples.
+@compiled
+def groups(
+    q: Any,
+    qs: Any,
+    q_ends: Any,
+    e: Any,
+    es: Any,
+    e_ends: Any,
+    rule: Any,
+    bands: Any,
+    gamma: Any,
+    costs: Any,
+    limits: Any,
+    scratch: Any,
+    out: Any,
+) -> None:
+    """The distances of groups of queries and examples.
 
-    It takes ``(q, qs, q_ends, e, es, e_ends, rule, bands, gamma, costs, limits, scratch, out)``.
     Group g is every query of ``qs[q_ends[g]:q_ends[g + 1]]`` with every example of
     ``es[e_ends[g]:e_ends[g + 1]]``, which ascend in length; its distances are the next numbers of
-    ``out`` (float64), a row for each query. With ``limits``, a distance for each of the queries that
-    are stored in ``q``, a pair that is certain to exceed its query's is left at infinity as soon as
-    that is known.
+    ``out``, a row for each query. Compiled once for each dtype and for each of: hard costs of one
+    dimension without a band, other hard ones, soft ones.
 
-    It returns the checksum of the code that it was compiled from, which is done once for each
-    dtype and for each of: hard costs of one dimension without a band, other hard ones, soft ones.
-
+    Parameters
+    ----------
     q, e : Batch
+    qs, es, q_ends, e_ends : int64
     rule : Rule
     bands : Bands
     gamma : None or float
-    costs : None or Costs; None only for hard, independent warping without a band
-    limits : float64, empty for none
+    costs : None or Costs
+        None only for hard, independent warping without a band.
+    limits : float64
+        Empty, or a distance for each of the queries that are stored in ``q``: a pair that is certain
+        to exceed its query's is left at infinity as soon as that is known.
     scratch : Scratch
+    out : float64
     """
-    version = sources()
-
-    def groups(
-        q: Any,
-        qs: Any,
-        q_ends: Any,
-        e: Any,
-        es: Any,
-        e_ends: Any,
-        rule: Any,
-        bands: Any,
-        gamma: Any,
-        costs: Any,
-        limits: Any,
-        scratch: Any,
-        out: Any,
-    ) -> int:
-        at = 0
-        for g in range(len(q_ends) - 1):
-            own_qs, own_es = qs[q_ends[g] : q_ends[g + 1]], es[e_ends[g] : e_ends[g + 1]]
-            shape = (len(own_qs), len(own_es))
-            stop = at + shape[0] * shape[1]
-            _group(
-                q, own_qs, e, own_es, rule, bands, gamma, costs, limits, scratch, out[at:stop].reshape(shape)
-            )
-            at = stop
-        return version
-
-    return compiled(groups)
+    at = 0
+    for g in range(len(q_ends) - 1):
+        own_qs, own_es = qs[q_ends[g] : q_ends[g + 1]], es[e_ends[g] : e_ends[g + 1]]
+        shape = (len(own_qs), len(own_es))
+        stop = at + shape[0] * shape[1]
+        _group(q, own_qs, e, own_es, rule, bands, gamma, costs, limits, scratch, out[at:stop].reshape(shape))
+        at = stop
 
 
 @njit(nogil=True, error_model="numpy")
