@@ -189,7 +189,7 @@ def _check_protocol(
     """
     import numpy as np
 
-    from gesture_core.classify.protocols import folds
+    from gesture_core.classify.evaluation import folds
 
     names, codes = np.unique([str(item.label) for item in items], return_inverse=True)
     alike = np.broadcast_to(0.0, (len(items), len(items)))

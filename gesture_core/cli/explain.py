@@ -21,8 +21,8 @@ _VOICES = 6
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from gesture_core.classify.estimator import GestureClassifier
     from gesture_core.classify.explanation import Explanation
+    from gesture_core.classify.recognizer import Recognizer
     from gesture_core.run.discovery import Input
     from gesture_core.run.rows import Row
     from gesture_core.settings import Settings
@@ -75,9 +75,9 @@ def explain(
     hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
     people = _keypoints(hashes, settings)
     query = _query(row, people, settings)
-    classifier = _classifier(examples, people, settings)
-    distances = classifier.distances([query])[0]
-    found = explain_row(query, classifier.library_, distances, settings, classifier.weighing_)
+    recognizer = _recognizer(examples, people, settings)
+    distances = recognizer.distances([query])[0]
+    found = explain_row(query, recognizer.library, distances, settings, recognizer.weights)
     title = f"{Path(row.input).name}: {row.label or row.status}"
     explanation_plot(found, title, target, channels)
     _print(row, found, channels)
@@ -179,23 +179,22 @@ def _query(row: Row, people: Mapping[str, list[PoseSequence]], settings: Setting
     raise _nothing(row)
 
 
-def _classifier(
+def _recognizer(
     examples: Mapping[str, Any], people: Mapping[str, list[PoseSequence]], settings: Settings
-) -> GestureClassifier:
-    """The classifier of the run, from its examples' keypoints, in their order."""
-    from gesture_core.classify.estimator import GestureClassifier
+) -> Recognizer:
+    """The recognizer of the run, from its examples' keypoints, in their order."""
+    from gesture_core.classify.recognizer import Recognizer, signals_of
 
-    classifier = GestureClassifier(settings)
     signals, labels, names = [], [], []
     for name, known in examples.items():
         first = people.get(name, [])[:1]
         try:
-            signals += classifier.signals(first)
+            signals += signals_of(first, settings, "sequence")
         except GestureError:
             continue  # the run left it out too, and said so
         labels += [known["label"]] * len(first)
         names += [name] * len(first)
-    return classifier.fit(signals, labels, names)
+    return Recognizer.fit(settings, signals, labels, names)
 
 
 def _print(row: Row, found: Explanation, channels: int) -> None:
@@ -233,12 +232,12 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
 def _print_voices(found: Explanation) -> None:
     """What the examples say, where all of them decide: the loudest ones, and the sum of the others."""
     far = found.runner_up
-    if not found.voices or far is None:
+    if not found.contributions or far is None:
         return
     speaks = f"speaks for {found.nearest.label} against {far.label}"
-    loud, rest = found.voices[:_VOICES], found.voices[_VOICES:]
-    rows = [[visible(v.example), v.label, f"{v.distance:.4g}", f"{v.says:+.3f}"] for v in loud]
+    loud, rest = found.contributions[:_VOICES], found.contributions[_VOICES:]
+    rows = [[visible(v.example), v.label, f"{v.distance:.4g}", f"{v.added:+.3f}"] for v in loud]
     if rest:
-        rows.append([counted(len(rest), "more example"), "", "", f"{sum(v.says for v in rest):+.3f}"])
+        rows.append([counted(len(rest), "more example"), "", "", f"{sum(v.added for v in rest):+.3f}"])
     print_table(["example", "label", "distance", speaks], rows, right=["distance", speaks])
     print(f"all examples decide; what they say adds up to the margin, {found.lead:.3g}")

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gesture_core.classify.estimator import GestureClassifier
+from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import ConfigError, GestureError, InputError, PluginError, PoseError
 from gesture_core.plugin import registry
 from gesture_core.run.child import MEMORY
@@ -79,7 +79,7 @@ class Decider:
     names: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._classifier = GestureClassifier(self.settings)
+        self._recognizer: Recognizer | None = None
 
     def check(self) -> None:
         """A GestureError where the settings name plugins that cannot be used."""
@@ -93,7 +93,7 @@ class Decider:
         """Take the first person of an example; a GestureError says why that cannot be."""
         if not people:
             raise PoseError("nobody was found", subject=example.name, code="E_NO_PERSON")
-        (signals,) = self._classifier.signals(people[:1])
+        (signals,) = signals_of(people[:1], self.settings, "sequence")
         assert isinstance(signals, Signals)
         for known, label, name in zip(self.signals, self.labels, self.names, strict=True):
             if label != example.label and np.array_equal(known.values, signals.values):
@@ -113,7 +113,9 @@ class Decider:
         ``alive`` is called while they are compared with each other.
         """
         try:
-            self._classifier.fit(self.signals, self.labels, self.names, alive=alive)
+            self._recognizer = Recognizer.fit(
+                self.settings, self.signals, self.labels, self.names, alive=alive
+            )
         except GestureError:
             raise
         except (Exception, SystemExit) as error:
@@ -121,25 +123,24 @@ class Decider:
 
     def predict(self, batch: Sequence[Arrived]) -> list[Decided]:
         """What is decided about each input of a batch."""
+        assert self._recognizer is not None, "fit comes first"
         every = [pose for one in batch for pose in one.people]
-        predictions = iter(predict(self._classifier, every, self.settings))
+        predictions = iter(predict(self._recognizer, every, self.settings))
         return [Decided(tuple(next(predictions) for _ in one.people)) for one in batch]
 
 
-def predict(
-    classifier: GestureClassifier, poses: Sequence[PoseSequence], settings: Settings
-) -> list[Prediction]:
+def predict(recognizer: Recognizer, poses: Sequence[PoseSequence], settings: Settings) -> list[Prediction]:
     """One prediction for each of ``poses``, together; one by one where that fails."""
     if not poses:
         return []
     try:
-        return classifier.predictions(poses)
+        return recognizer.predictions(poses)
     except ConfigError:
         raise
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a kernel may raise anything
         if len(poses) == 1:
             return [_failed(error, settings)]
-    return [prediction for pose in poses for prediction in predict(classifier, [pose], settings)]
+    return [prediction for pose in poses for prediction in predict(recognizer, [pose], settings)]
 
 
 def _failed(error: BaseException, settings: Settings) -> Prediction:

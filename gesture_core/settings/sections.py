@@ -105,8 +105,8 @@ class ClassifySettings:
     kernel : str
         Name of a distance kernel, or ``auto``.
     neighbors : int
-        k of the k-nearest-neighbour vote. 0: all examples decide, and how much each of them says for
-        each class is learned from the distances among them (`gesture_core.classify.weighing`).
+        k of the k-nearest-neighbour vote. 0: all examples decide, and how much each of them counts for
+        each class is learned from the distances among them (`gesture_core.classify.learning`).
     sharpness : float
         With ``neighbors = 0``: a similarity is exp(-sharpness * d), where d is 1 for an example of
         another class at its usual distance.
