@@ -15,9 +15,8 @@ from gesture_core.cli.main import _COMMANDS, app, run
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.demo.motions import GESTURES
 from gesture_core.plugin.interfaces import KINDS
-from gesture_core.run.rows import COLUMNS
 from gesture_core.settings import LimitSettings, load_settings
-from gesture_core.types import Status
+from gesture_core.types import COLUMNS, Status
 
 TEXT = (ROOT / "README.md").read_text("utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)

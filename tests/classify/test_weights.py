@@ -21,7 +21,7 @@ from gesture_core.classify.explanation import explain
 from gesture_core.classify.learning import ExampleWeights, learn_weights
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
-from gesture_core.run.run import RunSummary
+from gesture_core.run.pipeline import RunSummary
 from gesture_core.settings import load_settings
 
 ALL = load_settings("modern", ["neighbors=0"], environment={})
