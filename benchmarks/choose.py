@@ -276,7 +276,8 @@ def load(name: str, read: Callable[[], list[Item]], kernel: str, folder: Path | 
 
 
 def _signals(settings: Settings, items: list[Item]) -> list[Signals]:
-    return replace(Chain.from_settings(settings), allow_still=True).all(item.pose for item in items)
+    chain = replace(Chain.from_settings(settings), allow_still=True)
+    return [chain(item.pose) for item in items]
 
 
 def as_toml(choice: Choice, problems: list[Problem]) -> str:

@@ -131,7 +131,7 @@ STRESSES = (
 def accuracies(items: Sequence[Item], settings: Settings) -> dict[str, list[float]]:
     """Accuracy at each strength of each damage."""
     chain = replace(Chain.from_settings(settings), allow_still=True)
-    examples = chain.all(item.pose for item in items)
+    examples = [chain(item.pose) for item in items]
     codes = np.unique([item.label for item in items], return_inverse=True)[1]
     subjects = np.array([item.subject for item in items])
     within = compare(examples, examples, settings)

@@ -139,7 +139,7 @@ def check_part(key: str, settings: Settings, origin: str = "--set") -> None:
     """Raise where ``key`` is an option of a plugin that the settings do not choose."""
     name = key.rpartition(".")[0].removeprefix("options.")
     kinds = {kind for kind, plugin in registry().entries if plugin == name.partition(":")[0]}
-    if kinds and name not in settings.steps and kinds <= _REMEDIES.keys():
+    if kinds and not settings.takes_part(name) and kinds <= _REMEDIES.keys():
         raise ConfigError(
             f"{origin} {key}: {name!r} takes no part under preset {settings.preset}",
             remedy=" or ".join(_REMEDIES[kind].format(name) for kind in sorted(kinds)),

@@ -89,10 +89,7 @@ def run_configuration(
         pose = {"pose": settings.as_dict()["pose"]}
         return {"settings": pose, "keypoints": dict(identity), "plugins": {}, "examples": {}}
     plugins = registry()
-    chosen = settings.signals
-    steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
-    steps += [("filter", name.partition(":")[0]) for name in chosen.filters]
-    steps += [("kernel", kernel)]
+    steps = [(kind, name.partition(":")[0]) for kind, name in (*settings.steps, ("kernel", kernel))]
     tree = settings.as_dict()
     del tree["limits"]
     tree["classify"]["kernel"] = kernel

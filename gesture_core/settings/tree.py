@@ -37,10 +37,18 @@ class Settings:
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
-    def steps(self) -> frozenset[str]:
-        """Names of the plugins that make signals of a video: backend, normalizer, filters, selector."""
+    def steps(self) -> tuple[tuple[str, str], ...]:
+        """(kind, name) of the plugins that make signals of keypoints: normalizer, selector, filters.
+
+        A name such as ``gaussian:wide`` is a second ``gaussian`` with options of its own.
+        """
         chosen = self.signals
-        return frozenset((self.pose.backend, chosen.normalizer, chosen.selector, *chosen.filters))
+        filters = (("filter", name) for name in chosen.filters)
+        return (("normalizer", chosen.normalizer), ("selector", chosen.selector), *filters)
+
+    def takes_part(self, plugin: str) -> bool:
+        """Whether a pose backend or a step of that name makes the signals of a video."""
+        return plugin in (self.pose.backend, *(name for _, name in self.steps))
 
     def as_dict(self) -> dict[str, Any]:
         """The whole tree as plain dicts, lists and scalars, without the preset's name.
@@ -125,7 +133,7 @@ def _resolve(key: str, settings: Settings, origin: str) -> tuple[str, str]:
     if owners:
         raise ConfigError(f"{origin} {key!r} is ambiguous", remedy=" or ".join(f"{o}.{key}" for o in owners))
     homes = presets_with(key)
-    if here := sorted({f"{plugin}.{key}" for _, plugin in homes if plugin in settings.steps}):
+    if here := sorted({f"{plugin}.{key}" for _, plugin in homes if settings.takes_part(plugin)}):
         raise ConfigError(
             f"{origin} {key!r} is an option that preset {settings.preset} does not set",
             remedy=" or ".join(here),
