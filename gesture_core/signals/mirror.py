@@ -12,11 +12,12 @@ from gesture_core.types import Signals
 
 
 def mirror_sign(channel: str) -> int:
-    """-1 for a channel that a mirror turns round, otherwise 1.
+    """-1 for a channel whose sign a mirror reverses, otherwise 1.
 
-    These are what points to the side (``right_wrist_x``, ``right_wrist_x.velocity``) and the sense
+    It reverses what points to the side (``right_wrist_x``, ``right_wrist_x.velocity``) and the sense
     of a turn (``right_forearm.turning``); the energy and the spread of a motion have no direction.
-    The way from one hand to the other (``hands_x``) is also walked backwards, so that its y turns.
+    The vector from one hand to the other also changes its ends, so that ``hands_y`` is reversed
+    instead of ``hands_x``.
     """
     name, _, kind = channel.partition("@")[0].partition(".")
     if kind in ("energy", "spread"):
@@ -25,7 +26,7 @@ def mirror_sign(channel: str) -> int:
 
 
 def mirrored(signals: Signals) -> Signals:
-    """``signals`` as a mirror would show them: sides swapped, x turned round.
+    """``signals`` as a mirror would show them: sides swapped, the sign of x reversed.
 
     The signals must have been normalised to a point on the body's middle line (the neck), as all
     built-in normalizers do.

@@ -126,10 +126,10 @@ def _term(text: str) -> tuple[str, str, float]:
 def _vector(signals: Signals, part: str, side: str) -> tuple[np.ndarray, bool, bool]:
     """(T, 2) float64 vector of a part, whether it is salient, whether it is present."""
     names: tuple[str, ...] = _LIMBS.get(part) or _PAIRS.get(part) or (part,)
-    joints = [f"{side}{name}" for name in names]
     tracks, mask, present = [], False, True
     assert signals.mask is not None and signals.present is not None
-    for joint in joints:
+    for name in names:
+        joint = f"{side}{name}"
         try:
             places = [signals.channels.index(f"{joint}_x"), signals.channels.index(f"{joint}_y")]
         except ValueError:
