@@ -11,7 +11,7 @@ import numpy as np
 from gesture_core.classify.comparison import is_still
 from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.classify.learning import ExampleWeights
-from gesture_core.errors import ConfigError, InputError
+from gesture_core.errors import ConfigError
 from gesture_core.types import Neighbors, Prediction, Signals, Status
 
 # Scores are sums in an order that a library's blocking may change; what is shown is rounded to hide it,
@@ -136,8 +136,6 @@ def k_nearest(distances: np.ndarray, k: int = 1) -> Neighbors:
         Where ``k`` is no whole number between 1 and the number of examples.
     """
     distances = np.asarray(distances, np.float64)
-    if distances.ndim != 2:
-        raise InputError(f"distances have shape {distances.shape}, expected (Q, N)", code="E_DIMENSIONS")
     if not isinstance(k, Integral) or not 1 <= k <= distances.shape[1]:
         raise ConfigError(
             f"{k} neighbours were asked for and there are {distances.shape[1]} examples",
@@ -201,23 +199,9 @@ def decide(
     weights: ExampleWeights | None = None,
     margin: float | None = None,
 ) -> list[Prediction]:
-    """One `Prediction` for each query.
+    """One `Prediction` for each query, from the (Q, N) ``distances`` to the examples of ``library``.
 
-    Parameters
-    ----------
-    distances : (Q, N) float array
-        Queries against the examples of ``library``.
-    queries : sequence of Q Signals or arrays
-        For the names of the selected channels.
-    library : ExampleLibrary
-    k : int
-        Examples that vote, without ``weights``.
-    thresholds : (C,) float array, optional
-        Largest distance at which each class gives its label.
-    weights : ExampleWeights, optional
-        How much each example counts; then all of them decide.
-    margin : float, optional
-        Smallest margin of a label.
+    ``k`` and ``weights`` are those of `votes_of`, ``thresholds`` and ``margin`` those of `refusals`.
     """
     votes = votes_of(distances, library.codes, len(library.classes), k, weights)
     codes = refusals(votes, thresholds, margin, [is_still(query) for query in queries])

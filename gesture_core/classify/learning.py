@@ -214,7 +214,7 @@ def calibrated_thresholds(
     np.fill_diagonal(own, np.inf)
     if kept is not None:
         own[:, np.isin(np.arange(len(codes)), kept, invert=True)] = np.inf
-    nearest = own.min(axis=1) if own.size else np.empty(0)
+    nearest = own.min(axis=1)
     known = np.isfinite(nearest)
     if not known.any():
         raise ConfigError(

@@ -85,7 +85,9 @@ class Recognizer:
         warn_of_contradictions(library, stacklevel + 1)
         within = _among(library.series, settings, alive) if needs_distances(chosen) else None
         kept, thresholds, weights = learn(library.codes, len(library.classes), chosen, within)
-        return cls(settings, library.take(kept), kept, thresholds, weights)
+        if chosen.representative:
+            library = library.take(kept)
+        return cls(settings, library, kept, thresholds, weights)
 
     def distances(self, series: Sequence[Signals | np.ndarray]) -> np.ndarray:
         """(Q, N) warping distances to the examples of `library`."""
@@ -115,16 +117,8 @@ class Recognizer:
                 message = error.message.replace("query 0", f"query {places[0]}")
                 found[places[0]] = Prediction(None, "error", code=error.code, message=message)
                 continue
-            chosen = self.settings.classify
-            decided = decide(
-                distances,
-                series,
-                self.library,
-                chosen.neighbors,
-                self.thresholds,
-                self.weights,
-                chosen.margin,
-            )
+            k, margin = self.settings.classify.neighbors, self.settings.classify.margin
+            decided = decide(distances, series, self.library, k, self.thresholds, self.weights, margin)
             found.update(zip(places, decided, strict=True))
         return [found[place] for place in range(len(X))]
 

@@ -80,6 +80,12 @@ def test_scikit_learn_takes_it_for_a_classifier() -> None:
     assert twin is not model
     assert twin.get_params() == model.get_params()
     assert is_classifier(model)
+    tags = model.__sklearn_tags__()
+    assert (tags.input_tags.two_d_array, tags.input_tags.allow_nan, tags.target_tags.required) == (
+        False,
+        True,
+        True,
+    )
     assert repr(model) == "GestureClassifier(n_neighbors=3, preset='paper', reject=5.0)"
     scores = cross_val_score(GestureClassifier("paper"), poses, labels, cv=3)
     assert scores.tolist() == [1, 1, 1]
