@@ -298,11 +298,13 @@ class Normalizer(Protocol):
 class Filter(Protocol):
     """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out.
 
-    A filter that adds, drops or reorders channels does so with ``mask`` and ``present`` too: a
-    channel is salient, or there, where what it is made of is. Names tell later stages what a channel is:
-    ``left_`` and ``right_`` in front change places in a mirror, which turns what ends in ``_x`` (before
-    a ``.`` or ``@``) round; channels whose names differ only in side and axis are one part of the body
-    for ``classify.separate``. So ``left_wrist.speed`` is mirrored, ``speed_left_wrist`` is not.
+    A filter that adds, drops or reorders channels does so with ``mask`` and ``present`` too; a new
+    channel is salient, or present, where the channels that it is made from are.
+
+    Later stages go by the names of channels. A mirror exchanges ``left_`` and ``right_`` at the start of
+    a name, and reverses the sign of a channel whose name ends in ``_x`` (before a ``.`` or ``@``).
+    Channels whose names differ only in side and axis are one part of the body for
+    ``classify.separate``. So ``left_wrist.speed`` is mirrored, ``speed_left_wrist`` is not.
     """
 
     def apply(self, signals: Signals) -> Signals:
