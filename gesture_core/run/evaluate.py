@@ -20,8 +20,8 @@ from gesture_core.classify.evaluation import (
     answer,
     choose_nested,
     compare_all,
+    folds,
 )
-from gesture_core.classify.protocols import folds
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable
 from gesture_core.run.archive import Sources, as_strings

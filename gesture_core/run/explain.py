@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.classify import explanation
-from gesture_core.classify.estimator import GestureClassifier
 from gesture_core.classify.explanation import Explanation
+from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import GestureError, InputError, RunFolderError
 from gesture_core.run.evaluate import people_of
 from gesture_core.run.inputs import Input, discover
@@ -96,9 +96,9 @@ def explain(
     hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
     people = _people(hashes, settings, listener)
     query = _query(row, people, settings)
-    classifier = _classifier(examples, people, settings)
-    distances = classifier.distances([query])[0]
-    found = explanation.explain(query, classifier.library_, distances, settings, classifier.weighing_)
+    recognizer = _recognizer(examples, people, settings)
+    distances = recognizer.distances([query])[0]
+    found = explanation.explain(query, recognizer.library, distances, settings, recognizer.weights)
     return RowExplanation(row, found, _file_name(row, rows))
 
 
@@ -194,18 +194,17 @@ def _query(row: Row, people: Mapping[str, Sequence[PoseSequence]], settings: Set
     raise _nothing(row)
 
 
-def _classifier(
+def _recognizer(
     examples: Mapping[str, Any], people: Mapping[str, Sequence[PoseSequence]], settings: Settings
-) -> GestureClassifier:
-    """The classifier of the run, from its examples' keypoints, in their order."""
-    classifier = GestureClassifier(settings)
+) -> Recognizer:
+    """The recognizer of the run, from its examples' keypoints, in their order."""
     signals, labels, names = [], [], []
     for name, known in examples.items():
         first = people.get(name, [])[:1]
         try:
-            signals += classifier.signals(first)
+            signals += signals_of(first, settings, "example")
         except GestureError:
             continue  # the run left it out as well, and its rows say why
         labels += [known["label"]] * len(first)
         names += [name] * len(first)
-    return classifier.fit(signals, labels, names)
+    return Recognizer.fit(settings, signals, labels, names)

@@ -1,4 +1,4 @@
-"""What examples say: against scikit-learn's ridge, and the promises that hold for any distances."""
+"""How much each example counts: against scikit-learn's ridge, and what must hold for any distances."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from sklearn.linear_model import Ridge
 from swings import pose, swing
 
 from gesture_core import GestureClassifier, classify_archive
-from gesture_core.classify import estimator
-from gesture_core.classify.decide import decide
-from gesture_core.classify.evaluation import Labelled, evaluate
+from gesture_core.classify import recognizer
+from gesture_core.classify.decision import decide, votes_of
+from gesture_core.classify.evaluation import Labelled, answer, compare_all
+from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.classify.explanation import explain
-from gesture_core.classify.library import ExampleLibrary
-from gesture_core.classify.neighbors import votes_of
-from gesture_core.classify.weighing import Weighing, learn_weights
+from gesture_core.classify.learning import ExampleWeights, learn_weights
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
 from gesture_core.run.pipeline import RunSummary
@@ -38,8 +37,13 @@ def plane(seed: int, count: int, classes: int = 3) -> tuple[np.ndarray, np.ndarr
     return far[0], far[1], codes
 
 
-def learned(within: np.ndarray, codes: np.ndarray) -> Weighing:
+def learned(within: np.ndarray, codes: np.ndarray) -> ExampleWeights:
     return learn_weights(within, codes, int(codes.max()) + 1, 3.0, 0.1)
+
+
+def scores_of(weights: ExampleWeights, distances: np.ndarray) -> np.ndarray:
+    scores, factors = weights.scores(distances)
+    return scores * factors[:, None]
 
 
 @given(SEEDS, st.integers(3, 12), st.sampled_from([0.5, 3.0]), st.sampled_from([0.01, 0.1, 1.0]))
@@ -68,8 +72,8 @@ def test_weights_are_those_of_ridge_regression(
 def test_with_one_example_a_class_all_alike_the_nearest_decides(seed: int, classes: int) -> None:
     distances = np.random.default_rng(seed).uniform(0.1, 2.0, (20, classes))
     codes = np.arange(classes)
-    weighing = learned(1.0 - np.eye(classes), codes)
-    votes = votes_of(distances, codes, classes, 0, weighing)
+    weights = learned(1.0 - np.eye(classes), codes)
+    votes = votes_of(distances, codes, classes, 0, weights)
     np.testing.assert_array_equal(votes.winners, distances.argmin(axis=1))
     np.testing.assert_array_equal(votes.distances, distances.min(axis=1))
 
@@ -78,15 +82,15 @@ def test_with_one_example_a_class_all_alike_the_nearest_decides(seed: int, class
 @settings(max_examples=40, deadline=None)
 def test_a_row_depends_on_no_other_row_on_no_order_and_on_no_unit(seed: int, count: int) -> None:
     within, distances, codes = plane(seed, count)
-    weighing = learned(within, codes)
-    scores = weighing.scores(distances)
+    weights = learned(within, codes)
+    scores = scores_of(weights, distances)
     for row, score in zip(distances, scores, strict=True):
-        np.testing.assert_array_equal(weighing.scores(row[None])[0], score)
-    np.testing.assert_allclose(learned(7 * within, codes).scores(7 * distances), scores, atol=1e-9)
+        np.testing.assert_array_equal(scores_of(weights, row[None])[0], score)
+    np.testing.assert_allclose(scores_of(learned(7 * within, codes), 7 * distances), scores, atol=1e-9)
     order = np.random.default_rng(seed).permutation(count)
     other = learned(within[np.ix_(order, order)], codes[order])
-    np.testing.assert_allclose(other.scores(distances[:, order]), scores, atol=1e-9)
-    np.testing.assert_allclose(weighing.voices(distances).sum(axis=1), scores, atol=1e-12)
+    np.testing.assert_allclose(scores_of(other, distances[:, order]), scores, atol=1e-9)
+    np.testing.assert_allclose(weights.contributions(distances).sum(axis=1), scores, atol=1e-12)
 
 
 def test_examples_that_agree_outvote_one_that_is_near_to_everything() -> None:
@@ -126,20 +130,20 @@ def test_a_class_of_one_example_takes_little_from_a_class_of_many() -> None:
 @pytest.mark.parametrize("unit", [1e-90, 1e80, 1e150])
 def test_scores_have_no_unit_however_extreme(unit: float) -> None:
     within, distances, codes = plane(3, 9)
-    plain = learned(within, codes).scores(distances)
-    np.testing.assert_allclose(learned(within * unit, codes).scores(distances * unit), plain, atol=1e-9)
+    plain = scores_of(learned(within, codes), distances)
+    np.testing.assert_allclose(scores_of(learned(within * unit, codes), distances * unit), plain, atol=1e-9)
 
 
-def test_what_cannot_be_compared_says_nothing() -> None:
+def test_what_cannot_be_compared_counts_for_nothing() -> None:
     within, distances, codes = plane(1, 9)
     within[0, 1] = within[1, 0] = np.inf
-    weighing = learned(within, codes)
-    assert np.isfinite(weighing.weights).all()
+    weights = learned(within, codes)
+    assert np.isfinite(weights.weights).all()
     distances = distances.copy()
     distances[0] = np.nan
     distances[1, codes == 2] = np.inf
-    assert not weighing.similarities(distances[:1]).any()
-    votes = votes_of(distances, codes, 3, 0, weighing)
+    assert not weights.similarities(distances[:1]).any()
+    votes = votes_of(distances, codes, 3, 0, weights)
     assert votes.winners[0] == -1
     assert (votes.distances[0], votes.margins[0]) == (np.inf, np.inf)
     assert votes.winners[1] in (0, 1)
@@ -148,14 +152,14 @@ def test_what_cannot_be_compared_says_nothing() -> None:
 
 def test_far_from_everything_the_order_stands_and_the_lead_is_gone() -> None:
     within, distances, codes = plane(2, 9)
-    weighing = learned(within, codes)
-    far = votes_of(distances + 1e6, codes, 3, 0, weighing)
-    near = votes_of(distances, codes, 3, 0, weighing)
+    weights = learned(within, codes)
+    far = votes_of(distances + 1e6, codes, 3, 0, weights)
+    near = votes_of(distances, codes, 3, 0, weights)
     assert far.margins.tolist() == [0.0] * 4
     assert np.isfinite(far.distances).all()
     assert (near.margins > 0).all()
     # The same amount more to examples of equal scales multiplies all scores alike.
-    alike = replace(weighing, scales=np.ones(9))
+    alike = replace(weights, scales=np.ones(9))
     moved, still = (votes_of(distances + more, codes, 3, 0, alike) for more in (1e3, 0.0))
     assert moved.winners.tolist() == still.winners.tolist()
 
@@ -163,16 +167,16 @@ def test_far_from_everything_the_order_stands_and_the_lead_is_gone() -> None:
 @pytest.mark.parametrize("within", [np.full((3, 3), value) for value in (0.0, 1e-310, np.inf, np.nan)])
 def test_degenerate_libraries_still_answer(within: np.ndarray) -> None:
     codes = np.array([0, 1, 1])
-    weighing = learned(within, codes)
-    votes = votes_of(np.array([[0.0, 1.0, 2.0], [3.0, 0.5, np.inf]]), codes, 2, 0, weighing)
+    weights = learned(within, codes)
+    votes = votes_of(np.array([[0.0, 1.0, 2.0], [3.0, 0.5, np.inf]]), codes, 2, 0, weights)
     assert set(votes.winners.tolist()) <= {0, 1}
-    assert np.isfinite(weighing.weights).all()
+    assert np.isfinite(weights.weights).all()
 
 
 def test_equal_scores_go_to_the_nearer_class_then_to_the_first() -> None:
     within = np.array([[0.0, 1.0], [1.0, 0.0]])
-    weighing = learned(within, np.array([1, 0]))
-    votes = votes_of(np.array([[0.4, 0.4]]), np.array([1, 0]), 2, 0, weighing)
+    weights = learned(within, np.array([1, 0]))
+    votes = votes_of(np.array([[0.4, 0.4]]), np.array([1, 0]), 2, 0, weights)
     assert votes.winners.tolist() == [0]
     assert votes.margins.tolist() == [0.0]
 
@@ -202,7 +206,7 @@ def test_the_classifier_lets_all_examples_decide() -> None:
     poses, labels, _ = gestures(0, 3)
     queries, truth, _ = gestures(1, 2)
     model = GestureClassifier(ALL).fit(poses, labels)
-    assert model.weighing_ is not None
+    assert model.weights_ is not None
     assert model.predict(queries).tolist() == truth
     assert model.kneighbors(queries)[0].shape == (6, 1)
     for row, label in zip(model.predictions(queries), truth, strict=True):
@@ -211,19 +215,19 @@ def test_the_classifier_lets_all_examples_decide() -> None:
         assert sorted(each for _, each, _ in row.neighbors) == ["side", "twice", "up"]
         assert row.neighbors[0][1:] == (label, row.distance)
         assert row.margin is not None and 0 < row.margin < 2
-    assert GestureClassifier(ALL, n_neighbors=1).fit(poses, labels).weighing_ is None
+    assert GestureClassifier(ALL, n_neighbors=1).fit(poses, labels).weights_ is None
 
 
-def test_a_large_library_says_that_it_is_alive(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_large_library_shows_that_it_is_alive(monkeypatch: pytest.MonkeyPatch) -> None:
     poses, labels, _ = gestures(0, 3)
     signs: list[int] = []
-    monkeypatch.setattr(estimator, "_MOST_ROWS", 4)
+    monkeypatch.setattr(recognizer, "_MOST_ROWS", 4)
     model = GestureClassifier(ALL).fit(poses, labels, alive=lambda: signs.append(1))
     assert len(signs) >= 3
-    monkeypatch.setattr(estimator, "_MOST_ROWS", 100)
+    monkeypatch.setattr(recognizer, "_MOST_ROWS", 100)
     whole = GestureClassifier(ALL).fit(poses, labels)
-    assert model.weighing_ is not None and whole.weighing_ is not None
-    np.testing.assert_array_equal(model.weighing_.weights, whole.weighing_.weights)
+    assert model.weights_ is not None and whole.weights_ is not None
+    np.testing.assert_array_equal(model.weights_.weights, whole.weights_.weights)
 
 
 @pytest.mark.parametrize("kernel", ["numba", "numpy"])
@@ -258,36 +262,36 @@ def test_with_one_class_no_margin_is_asked_for() -> None:
     assert (row.label, row.margin) == ("a", None)
 
 
-def test_evaluation_says_what_the_classifier_would() -> None:
+def test_evaluation_answers_what_the_classifier_would() -> None:
     poses, labels, subjects = gestures(3, 3)
     names = [f"{label}{who}" for label, who in zip(labels, subjects, strict=True)]
     chosen = ALL.with_values([("classify.margin", 0.2)])
-    found = evaluate(Labelled(poses, labels, subjects, names), "leave-one-subject-out", chosen)
-    for answer in found.answers:
-        kept = [i for i, who in enumerate(subjects) if who != answer.subject]
+    found = answer(compare_all(Labelled(poses, labels, subjects, names), chosen), "leave-one-subject-out")
+    for tested in found.answers:
+        kept = [i for i, who in enumerate(subjects) if who != tested.subject]
         model = GestureClassifier(chosen).fit([poses[i] for i in kept], [labels[i] for i in kept])
-        (row,) = model.predictions([poses[names.index(answer.name)]])
-        assert (row.label, row.code, row.margin) == (answer.predicted, answer.code, answer.margin)
-        assert row.distance == pytest.approx(answer.distance, rel=1e-6)
+        (row,) = model.predictions([poses[names.index(tested.name)]])
+        assert (row.label, row.code, row.margin) == (tested.predicted, tested.code, tested.margin)
+        assert row.distance == pytest.approx(tested.distance, rel=1e-6)
 
 
-def test_an_explanation_is_what_the_examples_said() -> None:
+def test_an_explanation_is_what_the_examples_add() -> None:
     poses, labels, _ = gestures(0, 3)
     model = GestureClassifier(ALL).fit(poses, labels)
     (query,) = model.signals(gestures(1, 1)[0][:1])
     row = model.distances([query])[0]
-    found = explain(query, model.library_, row, ALL, model.weighing_)
+    found = explain(query, model.library_, row, ALL, model.weights_)
     (answer,) = model.predictions([query])
     assert found.runner_up is not None
     assert [found.nearest.label, found.runner_up.label] == [label for _, label, _ in answer.neighbors[:2]]
     assert found.lead == pytest.approx(answer.margin, abs=1e-6)
-    assert sum(voice.says for voice in found.voices) == pytest.approx(found.lead)
-    assert sorted(voice.example for voice in found.voices) == sorted(model.library_.names)
-    loudness = [abs(voice.says) for voice in found.voices]
-    assert loudness == sorted(loudness, reverse=True)
+    assert sum(each.added for each in found.contributions) == pytest.approx(found.lead)
+    assert sorted(each.example for each in found.contributions) == sorted(model.library_.names)
+    sizes = [abs(each.added) for each in found.contributions]
+    assert sizes == sorted(sizes, reverse=True)
     alone = GestureClassifier(ALL).fit(poses[:2], labels[:2])
-    found = explain(query, alone.library_, alone.distances([query])[0], ALL, alone.weighing_)
-    assert (found.runner_up, found.voices, found.lead) == (None, (), 0.0)
+    found = explain(query, alone.library_, alone.distances([query])[0], ALL, alone.weights_)
+    assert (found.runner_up, found.contributions, found.lead) == (None, (), 0.0)
 
 
 @pytest.mark.parametrize("text", ["neighbors=-1", "sharpness=0", "shrinkage=0", "classify.margin=-1"])
@@ -296,7 +300,7 @@ def test_wrong_values_are_refused(text: str) -> None:
         load_settings("modern", [text], environment={})
 
 
-def test_a_run_keeps_its_weighing_and_explains_it(
+def test_a_run_keeps_its_weights_and_explains_it(
     drawn: DemoArchive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from gesture_core.cli.explain import explain as explain_command

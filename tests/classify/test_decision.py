@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from sklearn.neighbors import KNeighborsClassifier
 
-from gesture_core.classify.decide import decide
-from gesture_core.classify.library import ExampleLibrary, medoids
-from gesture_core.classify.neighbors import k_nearest, vote
-from gesture_core.classify.rejection import calibrated_thresholds
+from gesture_core.classify.decision import decide, k_nearest, votes_of
+from gesture_core.classify.examples import ExampleLibrary
+from gesture_core.classify.learning import calibrated_thresholds, medoids
 from gesture_core.errors import ConfigError, InputError
 
 QUERY = [np.zeros((3, 1))]
@@ -40,22 +39,22 @@ def test_votes_agree_with_scikit_learn_where_nothing_ties(seed: int, k: int) -> 
     within, distances = np.zeros((12, 12)), random.permutation(84).reshape(7, 12) + 1.0
     codes = random.permutation(np.repeat([0, 1], 6))  # two classes and odd k: no tied count
     judge = KNeighborsClassifier(k, metric="precomputed").fit(within, codes)
-    np.testing.assert_array_equal(vote(distances, codes, 2, k).winners, judge.predict(distances))
+    np.testing.assert_array_equal(votes_of(distances, codes, 2, k).winners, judge.predict(distances))
 
 
 def test_a_tied_vote_goes_to_the_class_of_the_nearer_example() -> None:
     distances = np.array([[3.0, 1.0, 2.0, 4.0]])
-    assert vote(distances, np.array([0, 1, 0, 1]), 2, 4).winners.tolist() == [1]
+    assert votes_of(distances, np.array([0, 1, 0, 1]), 2, 4).winners.tolist() == [1]
 
 
 def test_equal_distances_go_to_the_first_example() -> None:
     distances = np.ones((1, 3))
-    assert vote(distances, np.array([2, 0, 1]), 3, 3).winners.tolist() == [2]
+    assert votes_of(distances, np.array([2, 0, 1]), 3, 3).winners.tolist() == [2]
 
 
 def test_examples_that_cannot_be_compared_have_no_vote() -> None:
     distances = np.array([[np.inf, np.inf, 5.0], [np.nan, np.inf, np.nan]])
-    votes = vote(distances, np.array([0, 0, 1]), 2, 3)
+    votes = votes_of(distances, np.array([0, 0, 1]), 2, 3)
     assert votes.winners.tolist() == [1, -1]
     assert votes.distances.tolist() == [5.0, np.inf]
 
@@ -65,7 +64,7 @@ def test_margin_is_the_distance_of_the_other_classes_minus_that_of_the_winner(
     distances: np.ndarray, k: int
 ) -> None:
     codes = np.array([0, 1, 2, 0, 1, 2])
-    votes = vote(distances, codes, 3, k)
+    votes = votes_of(distances, codes, 3, k)
     clean = np.where(np.isnan(distances), np.inf, distances)
     for row, winner, distance, margin in zip(
         clean, votes.winners, votes.distances, votes.margins, strict=True

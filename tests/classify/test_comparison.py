@@ -10,11 +10,9 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from gesture_core.classify.comparison import compare
+from gesture_core.classify.comparison import compare, divided, pair_sizes, parts
+from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.classify.explanation import align
-from gesture_core.classify.library import ExampleLibrary
-from gesture_core.classify.relative import divided, pair_sizes, size_shares
-from gesture_core.classify.separate import part_of, parts
 from gesture_core.dtw.reference import reference_distance
 from gesture_core.errors import ConfigError
 from gesture_core.settings import Settings, load_settings
@@ -54,7 +52,7 @@ def size(x: Signals, channels: np.ndarray, rest: float) -> float:
 @hypothesis_settings(max_examples=40, deadline=None)
 def test_sizes_are_those_of_the_common_channels(seed: int, rest: float) -> None:
     queries, examples = some(seed, 3), some(seed + 1, 2)
-    sizes, shares = pair_sizes(queries, examples, rest), size_shares(queries, examples, rest)
+    sizes, shares = pair_sizes(queries, examples, rest)
     every = np.ones(4, bool)
     for i, x in enumerate(queries):
         for j, y in enumerate(examples):
@@ -86,11 +84,9 @@ def test_separate_warpings_add_up(seed: int, reduce: str) -> None:
 
 
 def test_parts_are_told_by_names() -> None:
-    assert [part_of(name) for name in CHANNELS] == ["wrist", "wrist", "wrist.energy", "nose@0.5"]
-    assert part_of("left_forearm.turning") == "forearm.turning"
-    assert part_of("right_elbow_y@1") == "elbow@1"
-    assert part_of("right_upper_arm_x.direction@0.5") == "upper_arm.direction@0.5"
-    assert [part.tolist() for part in parts(CHANNELS)] == [[0, 1], [2], [3]]
+    assert parts(CHANNELS) == {"wrist": [0, 1], "wrist.energy": [2], "nose@0.5": [3]}
+    others = ("left_forearm.turning", "right_elbow_y@1", "right_upper_arm_x.direction@0.5")
+    assert list(parts(others)) == ["forearm.turning", "elbow@1", "upper_arm.direction@0.5"]
 
 
 @pytest.mark.parametrize("separate", [False, True])
