@@ -61,7 +61,7 @@ def separate_distances(
     ConfigError
         Where ``spec`` has weights for another number of channels.
     """
-    from gesture_core.dtw.distances import check_weights
+    from gesture_core.dtw.batches import check_weights
 
     check_weights(spec, len(queries[0].channels))
     total = np.zeros((len(queries), len(examples)))

@@ -46,6 +46,7 @@ def bench(
     """
     from gesture_core.dtw.distances import choose_kernel
     from gesture_core.plugin import registry
+    from gesture_core.plugin.interfaces import ApproximateKernel
 
     if out is not None:
         check_file(out)
@@ -65,7 +66,7 @@ def bench(
         mark = "auto" if name == auto else ""
         if not kernel.supports(spec):
             rows.append((name, mark, "does not compute these settings", "", "", ""))
-        elif not getattr(kernel, "exact", True):
+        elif isinstance(kernel, ApproximateKernel):
             rows.append((name, mark, "an approximation, not timed", "", "", ""))
         else:
             pairs, wall, each, deviation = _measure(kernel, signals, spec)
@@ -103,9 +104,8 @@ def _measure(
     """
     import numpy as np
 
-    from gesture_core.dtw.distances import make_batches
-    from gesture_core.dtw.pairs import subset
-    from gesture_core.dtw.vectorised import NumpyKernel
+    from gesture_core.dtw.batches import make_batches, subset
+    from gesture_core.plugin import registry
 
     queries, examples = make_batches(signals, signals, spec)
     state = kernel.prepare(examples, spec)
@@ -123,7 +123,7 @@ def _measure(
         kernel.distances(state, asked)
         walls.append(time.perf_counter() - begun[0])
         cpus.append(time.process_time() - begun[1])
-    plain = NumpyKernel()
+    plain: DistanceKernel = registry().make("kernel", "numpy")
     wanted = plain.distances(plain.prepare(examples, spec), few)
     finite = np.isfinite(wanted)
     scale = np.maximum(np.abs(wanted[finite]), 1e-6)

@@ -118,11 +118,6 @@ def _make(found: Registry, entry: Registration) -> None:
     except (TypeError, ValueError):  # a class of another language says nothing of itself
         return
     try:
-        signature.bind_partial(**dict.fromkeys(kind.given))
-    except TypeError as error:
-        cause = f"it must take {' and '.join(kind.given)}, as every {kind.title} does: {error}"
-        raise PluginError(cause) from error
-    try:
         signature.bind(**dict.fromkeys(kind.given))
     except TypeError:  # an option without a default is for the user to give
         return

@@ -324,7 +324,9 @@ class DistanceKernel(Protocol):
     """Computes warping distances in batches: prepare once, compute many.
 
     Constructed without options or with them as keywords. The same pair must give the same bits in
-    whatever batch it travels.
+    whatever batch it travels. ``state`` is the kernel's own: the caller hands back what `prepare`
+    returned. A kernel that can do more has the methods of `PairKernel`, `BoundedKernel`,
+    `GradientKernel`, `LowerBoundKernel`, `ApproximateKernel` or `DeviceKernel` as well.
     """
 
     def supports(self, spec: DtwSpec) -> bool:
@@ -337,6 +339,86 @@ class DistanceKernel(Protocol):
 
     def distances(self, state: Any, queries: SignalBatch) -> np.ndarray:
         """(Q, N) float array; infinity where a pair has no dimension in common, never NaN."""
+        ...
+
+
+@runtime_checkable
+class PairKernel(DistanceKernel, Protocol):
+    """A distance kernel that computes chosen pairs without the rest of their table."""
+
+    def pairs(
+        self, state: Any, queries: SignalBatch, query_index: np.ndarray, example_index: np.ndarray
+    ) -> np.ndarray:
+        """(K,) distances of pairs ``(query_index[k], example_index[k])``, with the bits of `distances`."""
+        ...
+
+
+@runtime_checkable
+class BoundedKernel(DistanceKernel, Protocol):
+    """A distance kernel that abandons pairs which are certain to exceed a limit."""
+
+    def within(
+        self,
+        state: Any,
+        queries: SignalBatch,
+        query_index: np.ndarray,
+        example_index: np.ndarray,
+        limits: np.ndarray,
+    ) -> np.ndarray:
+        """(K,) distances of chosen pairs under a hard specification, as far as they matter.
+
+        Bitwise those of `distances`, or infinity for a pair that exceeds ``limits[query_index[k]]``,
+        of which there is one (float64) for each query.
+        """
+        ...
+
+
+@runtime_checkable
+class GradientKernel(DistanceKernel, Protocol):
+    """A distance kernel that differentiates soft distances."""
+
+    def gradients(
+        self, state: Any, queries: SignalBatch, weights: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Soft distances, and the gradients of their sum weighted by ``weights`` (Q, N).
+
+        Returns
+        -------
+        (Q, N), (Q, T, D), (N, T, D)
+            In the dtype of the batches; gradients are zero beyond each length and in dimensions that
+            no pair of the series is compared on.
+        """
+        ...
+
+
+@runtime_checkable
+class LowerBoundKernel(DistanceKernel, Protocol):
+    """A distance kernel with a fast LB_Keogh (Keogh and Ratanamahatana 2005) for exact search."""
+
+    def keogh(self, query: np.ndarray, lower: np.ndarray, upper: np.ndarray, squared: bool) -> np.ndarray:
+        """(N, D) float64 sums over the frames of how far a query lies outside envelopes.
+
+        ``query`` is (D, n), ``lower`` and ``upper`` are (N, D, n), all float64; with ``squared`` the
+        squares are summed.
+        """
+        ...
+
+
+@runtime_checkable
+class ApproximateKernel(DistanceKernel, Protocol):
+    """A distance kernel that is not held to the exact distances, and never chosen by ``auto``."""
+
+    approximation: str
+    """What it computes instead, for `gesture bench`: ``"FastDTW (Salvador and Chan 2007)"``."""
+
+
+@runtime_checkable
+class DeviceKernel(DistanceKernel, Protocol):
+    """A distance kernel that may compute elsewhere than on the CPU."""
+
+    @property
+    def device(self) -> str:
+        """Where it computes: ``"cpu"`` or the name of an accelerator, such as ``"cuda"``."""
         ...
 
 

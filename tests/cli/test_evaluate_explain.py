@@ -165,7 +165,7 @@ def test_a_kernel_gets_its_options_for_the_fingerprint_too(archive: Path, tmp_pa
         "needy",
         """
         from gesture_core import hookimpl
-        from gesture_core.dtw.vectorised import NumpyKernel
+        from gesture_dtw_numpy.kernel import NumpyKernel
 
         class Needy(NumpyKernel):
             def __init__(self, power): assert power == 2

@@ -1,14 +1,15 @@
-"""The fallback kernel: anti-diagonals of many lanes at once, in NumPy alone."""
+"""Distance kernel on NumPy alone: anti-diagonals of many lanes at once."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from gesture_core.dtw.lanes import LaneKernel, Lanes
+from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
 from gesture_core.dtw.spec import DtwSpec
+from gesture_dtw_numpy.gradient import lane_gradients
 
 
-class NumpyKernel(LaneKernel):
+class NumpyKernel(GradientLaneKernel):
     """Warping distances wherever NumPy runs, in the dtype of the batches."""
 
     lane_cells = 1 << 15
@@ -47,23 +48,28 @@ class NumpyKernel(LaneKernel):
             last, before = now, last
         return out
 
+    def warp_gradients(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(P,), (n_max, C, P), (m_max, C, P): soft accumulated costs and their gradients."""
+        return lane_gradients(lanes)
+
 
 def _cost(x: np.ndarray, y: np.ndarray, cost: str) -> np.ndarray:
     """(K, P) local costs of (K, C, P) frames, summed over the dimensions in their order."""
     difference = x - y
     terms = np.abs(difference) if cost == "absolute" else difference * difference
-    total = terms[:, 0].copy()
+    total: np.ndarray = terms[:, 0].copy()
     for dimension in range(1, terms.shape[1]):
         total += terms[:, dimension]
-    return np.sqrt(total) if cost == "euclidean" else total
+    return np.asarray(np.sqrt(total)) if cost == "euclidean" else total
 
 
 def _least(up: np.ndarray, left: np.ndarray, diagonal: np.ndarray, gamma: np.ndarray | None) -> np.ndarray:
     """The least of three, soft with ``gamma``; infinity where all three are."""
-    least = np.minimum(np.minimum(up, left), diagonal)
+    least: np.ndarray = np.minimum(np.minimum(up, left), diagonal)
     if gamma is None:
         return least
     shift = np.where(np.isinf(least), 0, least)
     total = sum(np.exp((shift - value) / gamma) for value in (up, left, diagonal))
     with np.errstate(divide="ignore"):
-        return least - gamma * np.log(total)
+        least = least - gamma * np.log(total)
+    return least

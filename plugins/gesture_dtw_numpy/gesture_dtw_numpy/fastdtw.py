@@ -1,7 +1,7 @@
 """FastDTW (Salvador and Chan 2007): an approximation, for fidelity to work that used it.
 
-Every other kernel here is exact and faster; this one reproduces the numbers of the `fastdtw`
-package, window and all.
+Every other kernel is exact and faster; this one reproduces the numbers of the `fastdtw`
+package, with its windows.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ import numpy as np
 from gesture_core.dtw.lanes import LaneKernel, Lanes
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
+from gesture_core.plugin.interfaces import ApproximateKernel
 
 
 @dataclass(frozen=True)
-class FastDtwKernel(LaneKernel):
+class FastDtwKernel(LaneKernel, ApproximateKernel):
     """FastDTW of each lane in plain loops.
 
     Attributes
@@ -28,7 +29,7 @@ class FastDtwKernel(LaneKernel):
 
     radius: int = 1
 
-    exact = False
+    approximation = "FastDTW (Salvador and Chan 2007)"
 
     def __post_init__(self) -> None:
         if not isinstance(self.radius, Integral) or self.radius < 1:
@@ -57,7 +58,8 @@ def fastdtw(x: np.ndarray, y: np.ndarray, radius: int, cost: str) -> tuple[float
 
 def _halve(x: np.ndarray) -> np.ndarray:
     """Means of neighbouring frames; an odd last frame is dropped."""
-    return (x[0 : len(x) - len(x) % 2 : 2] + x[1::2]) / 2
+    means: np.ndarray = (x[0 : len(x) - len(x) % 2 : 2] + x[1::2]) / 2
+    return means
 
 
 def _expand(path: list[tuple[int, int]], n: int, m: int, radius: int) -> list[range]:

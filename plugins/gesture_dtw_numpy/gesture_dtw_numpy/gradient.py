@@ -4,41 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
+from gesture_core.dtw.lanes import Lanes
 
-def lane_gradients(
-    x: np.ndarray,
-    y: np.ndarray,
-    n: np.ndarray,
-    m: np.ndarray,
-    cells: np.ndarray,
-    gamma: np.ndarray,
-    cost: str,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Values and gradients of P soft warpings: Cuturi and Blondel's recursions, cell by cell.
+
+def lane_gradients(lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values and gradients of P soft warpings: Cuturi and Blondel's recursions (2017), cell by cell.
 
     The second one in the shares that each cell's soft minimum gives to its three predecessors: unlike
     the exponential of a difference of accumulated costs, they do not lose what cancels.
-
-    Parameters
-    ----------
-    x, y : (n_max, C, P) and (m_max, C, P) float
-    n, m : (P,) int
-    cells : (n_max, m_max, P) bool
-        Cells inside each lane's band and lengths.
-    gamma : (P,) float
-    cost : str
 
     Returns
     -------
     (P,), (n_max, C, P), (m_max, C, P)
     """
-    rows, columns, lanes = len(x), len(y), x.shape[2]
+    x, y, n, m, cost, gamma = lanes.x, lanes.y, lanes.n, lanes.m, lanes.cost, lanes.gamma
+    assert gamma is not None
+    cells = _inside(lanes)
+    rows, columns, count = len(x), len(y), len(lanes)
     difference = x[:, None] - y[None, :]
     local = (np.abs(difference) if cost == "absolute" else difference**2).sum(axis=2)
     local = np.sqrt(local) if cost == "euclidean" else local
-    table = np.full((rows + 1, columns + 1, lanes), np.inf)
+    table = np.full((rows + 1, columns + 1, count), np.inf)
     table[0, 0] = 0
-    shares = np.zeros((rows, columns, 3, lanes))
+    shares = np.zeros((rows, columns, 3, count))
     for i in range(rows):
         for j in range(columns):
             three = np.stack([table[i, j + 1], table[i + 1, j], table[i, j]])
@@ -51,20 +39,31 @@ def lane_gradients(
             shares[i, j] = np.where(open_, parts / whole, 0)
     # How much each cell's value moves the lane's: one at its end, else what its successors hand on.
     moved = np.zeros_like(table)
-    moved[n, m, np.arange(lanes)] = 1
+    moved[n, m, np.arange(count)] = 1
     for i in reversed(range(rows)):
         for j in reversed(range(columns)):
             given = moved[i + 1, j + 1] * shares[i, j]
             for (a, b), part in zip(((i, j + 1), (i + 1, j), (i, j)), given, strict=True):
                 moved[a, b] += part
     slope = _slope(difference, local, cost) * moved[1:, 1:, None]
-    return table[n, m, np.arange(lanes)], slope.sum(axis=1), -slope.sum(axis=0)
+    return table[n, m, np.arange(count)], slope.sum(axis=1), -slope.sum(axis=0)
+
+
+def _inside(lanes: Lanes) -> np.ndarray:
+    """(n_max, m_max, P) bool: the cells inside each lane's lengths and band."""
+    row, column = np.arange(len(lanes.x))[:, None, None], np.arange(len(lanes.y))[None, :, None]
+    cells: np.ndarray = (row < lanes.n) & (column < lanes.m)
+    if lanes.low is not None and lanes.high is not None:
+        cells &= (column >= lanes.low[:, None]) & (column < lanes.high[:, None])
+    if lanes.cells is not None:
+        cells &= lanes.cells
+    return cells
 
 
 def _slope(difference: np.ndarray, local: np.ndarray, cost: str) -> np.ndarray:
     """(n, m, C, P) derivative of the local cost; zero where a cost has a kink."""
     if cost == "absolute":
-        return np.sign(difference)
+        return np.asarray(np.sign(difference))
     if cost == "squared":
         return 2 * difference
     safe = np.where(local > 0, local, 1)
