@@ -93,7 +93,22 @@ def test_plugins_import_neither_each_other_nor_the_upper_floors(path: Path) -> N
             assert floor(name.removeprefix("gesture_core.")) <= floor("dtw"), name
 
 
+FOR_KERNELS = {
+    "cores",
+    "dtw.bands",
+    "dtw.batches",
+    "dtw.lanes",
+    "dtw.spec",
+    "errors",
+    "plugin.hooks",
+    "plugin.interfaces",
+    "types",
+}
 PUBLIC_FOR = {
+    "gesture_dtw_jax": FOR_KERNELS,
+    "gesture_dtw_numba": FOR_KERNELS,
+    "gesture_dtw_numpy": FOR_KERNELS,
+    "gesture_dtw_torch": FOR_KERNELS,
     "gesture_signals": {"errors", "plugin.hooks", "signals.body", "types"},
     "gesture_video": {"errors", "plugin.hooks", "plugin.interfaces", "video"},
 }
