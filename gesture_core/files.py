@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from gesture_core.errors import GestureError, InputError
+from gesture_core.errors import GestureError
 
 TEMPORARY = ".tmp-"
 """In the name of every file that has not taken its place yet."""
@@ -66,9 +66,7 @@ def _escaped(found: re.Match[str]) -> str:
     return f"\\x{code - 0xDC00:02x}" if 0xDC80 <= code <= 0xDCFF else ascii(found[0])[1:-1]
 
 
-def open_regular(
-    path: Path, limit: int, error: type[GestureError] = InputError, prefix: str = "E"
-) -> BinaryIO:
+def open_regular(path: Path, limit: int, error: type[GestureError], codes: tuple[str, str, str]) -> BinaryIO:
     """Open the regular file ``path`` of at most ``limit`` bytes for reading.
 
     Parameters
@@ -78,40 +76,38 @@ def open_regular(
         Bytes.
     error : type of GestureError
         What is raised.
-    prefix : str
-        How its codes begin.
+    codes : three str
+        Where there is no such file, for what is no regular file or may not be read, for a larger one.
 
     Raises
     ------
     GestureError
-        ``<prefix>_MISSING`` where there is no such file, ``<prefix>_UNREADABLE`` for what is no regular
-        file or may not be read, ``<prefix>_LIMIT`` for a larger one.
+        With one of ``codes``.
     """
     name = printable(path)
+    missing, unreadable, too_large = codes
     try:
         descriptor = os.open(path, _READ)
     except FileNotFoundError as cause:
-        raise error(
-            "no such file", subject=name, remedy="check the path", code=f"{prefix}_MISSING"
-        ) from cause
+        raise error("no such file", subject=name, remedy="check the path", code=missing) from cause
     except (OSError, ValueError) as cause:
         text = cause.strerror if isinstance(cause, OSError) else str(cause)
         raise error(
             f"cannot be opened: {text}",
             subject=name,
             remedy="check its permissions",
-            code=f"{prefix}_UNREADABLE",
+            code=unreadable,
         ) from cause
     status = os.fstat(descriptor)
     if not modes.S_ISREG(status.st_mode):
         os.close(descriptor)
-        raise error("is not a regular file", subject=name, remedy="leave it out", code=f"{prefix}_UNREADABLE")
+        raise error("is not a regular file", subject=name, remedy="leave it out", code=unreadable)
     if status.st_size > limit:
         os.close(descriptor)
         raise error(
             f"has {status.st_size} bytes, more than the {limit} that such a file may have",
             subject=name,
-            code=f"{prefix}_LIMIT",
+            code=too_large,
         )
     return os.fdopen(descriptor, "rb")
 

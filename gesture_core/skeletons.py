@@ -56,10 +56,7 @@ def other_side(name: str) -> str:
     return name
 
 
-def _mid_neck() -> dict[str, tuple[str, str]]:
-    return {"neck": ("left_shoulder", "right_shoulder")}
-
-
+_MIDDLE_NECK = {"neck": ("left_shoulder", "right_shoulder")}
 _ARMS = (
     ("right_shoulder", "right_elbow"),
     ("right_elbow", "right_wrist"),
@@ -114,7 +111,7 @@ COCO17 = Skeleton(
         "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
     ),
     (*_TORSO, *_ARMS, *_LEGS, *_FACE),
-    _mid_neck(),
+    _MIDDLE_NECK,
 )  # fmt: skip
 
 BODY25 = Skeleton(
@@ -159,7 +156,7 @@ BLAZEPOSE33 = Skeleton(
         "left_heel", "right_heel", "left_foot_index", "right_foot_index",
     ),
     (*_TORSO, *_ARMS, *_LEGS),
-    _mid_neck(),
+    _MIDDLE_NECK,
 )  # fmt: skip
 
 SKELETONS: Mapping[str, Skeleton] = MappingProxyType(

@@ -33,11 +33,6 @@ def literals(path: Path) -> Iterator[str]:
             yield from CODE.findall(node.value)
         elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "Code":
             yield f"E_{node.attr}" if node.attr.isupper() else ""
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("open_regular"):
-            # It makes three codes of a prefix.
-            for given in (*node.args, *(word.value for word in node.keywords)):
-                if isinstance(given, ast.Constant) and CODE.fullmatch(str(given.value)):
-                    yield from (f"{given.value!s}_{end}" for end in ("MISSING", "UNREADABLE", "LIMIT"))
 
 
 def test_every_code_of_the_sources_is_a_member_and_no_member_is_idle() -> None:

@@ -77,8 +77,8 @@ def dot_network(path: Path, side: int | None = 96, stride: int = 4, fields: bool
         "one": np.ones(joints, np.float32),
         "widen": widen,
     }
-    shape = ["N", 3, side or "H", side or "W"]
-    cells = [side // stride] * 2 if side else ["h", "w"]
+    shape: list[int | str] = ["N", 3, side or "H", side or "W"]
+    cells: list[int | str] = [side // stride, side // stride] if side else ["h", "w"]
     return _save(path, nodes, weights, ("image", TensorProto.FLOAT, shape), {"maps": ["N", outputs, *cells]})
 
 
@@ -94,9 +94,10 @@ def random_maps(path: Path, channels: int = 57, side: int = 64, stride: int = 8,
         helper.make_node("Conv", ["c", "second"], ["d"], kernel_shape=[1, 1]),
         helper.make_node("Sigmoid", ["d"], ["maps"]),
     ]
-    image = ("image", TensorProto.FLOAT, ["N", 3, side, side])
-    shapes = {"maps": ["N", channels, side // stride, side // stride]}
-    return _save(path, nodes, {"first": first, "second": second}, image, shapes)
+    shape: list[int | str] = ["N", 3, side, side]
+    cells: list[int | str] = ["N", channels, side // stride, side // stride]
+    weights = {"first": first, "second": second}
+    return _save(path, nodes, weights, ("image", TensorProto.FLOAT, shape), {"maps": cells})
 
 
 def constant(

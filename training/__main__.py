@@ -1,4 +1,4 @@
-"""``python -m training``: every step that is not yet done."""
+"""``python -m training``, from the root of the repository: every step that is not yet done."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from .scenes import harvest, patches
 from .store import Store
 from .train import finished, train
 
+PACKAGED = Path(__file__).parents[1] / "plugins/gesture_pose_onnx/gesture_pose_onnx/models/compact.onnx"
 STEPS = ("label", "render", "train", "export", "evaluate", "show")
 
 
@@ -41,7 +42,7 @@ def main() -> None:
     parser.add_argument("--shared", type=Path, default=Path("../shared"), help="data and teachers")
     parser.add_argument("--work", type=Path, default=Path(".work/training"), help="caches and checkpoints")
     parser.add_argument("--config", type=Path, default=settings_module.DEFAULT)
-    parser.add_argument("--out", type=Path, default=Path(__file__).parents[1] / "models" / "compact.onnx")
+    parser.add_argument("--out", type=Path, default=PACKAGED, help="the network, with its pictures beside it")
     parser.add_argument("--only", choices=STEPS, action="append", help="these steps alone")
     args = parser.parse_args()
     settings = settings_module.load(args.config)

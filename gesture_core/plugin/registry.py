@@ -201,7 +201,7 @@ class Registry:
         lacking = [name for name in KINDS[kind].given if known is not None and name not in known]
         if lacking:
             raise PluginError(
-                f"{entry}: its constructor takes no {' and no '.join(map(repr, lacking))}",
+                f"{entry} must take {' and '.join(lacking)}, as every {KINDS[kind].title} does",
                 remedy="repair or uninstall it",
                 code="E_PLUGIN_CONTRACT",
             )

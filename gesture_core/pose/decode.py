@@ -69,7 +69,7 @@ def _openpose(
     # A cell covers `step` input pixels; cell and pixel coordinates both count from a centre.
     step = np.array([input_size[1] / maps.shape[3], input_size[0] / maps.shape[2]], np.float32)
     if people == "single":
-        # Half as high as a joint must be: such a peak counts where time and body speak for it.
+        # Half as high as a joint must be: such a peak may still be chosen over time (`temporal`).
         peaks = top_peaks(maps, PEAKS, 0.5 * floor)
         peaks[..., :2] = (peaks[..., :2] + 0.5) * step - 0.5
         return [[Person(one[:, 0, :2], one[:, 0, 2], one)] for one in peaks]

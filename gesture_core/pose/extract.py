@@ -75,7 +75,7 @@ def extract_poses(
         Crop to the person and follow them; None lets the backend decide. Only with ``people="single"``.
     steady : bool, optional
         Choose every limb for all frames together (`gesture_core.pose.temporal`); None lets the backend
-        decide, which does unless its option ``steady`` says no. Only with ``people="single"``.
+        decide, which does so unless its option ``steady`` is false. Only with ``people="single"``.
     source : str
         What to call the input.
 

@@ -175,7 +175,7 @@ class Follower:
                 self._window = self._search(rest[0])
             people = self._look(rest, self._window)
             end = self._until_lost(people)
-            if end == 0:  # lost in the very first frame of this window: search, and take what comes
+            if end == 0:  # lost in the very first frame of this window: search, and accept the result
                 self._window = self._search(rest[0])
                 people = self._look(rest, self._window)
                 self._pause = PAUSE
@@ -248,7 +248,7 @@ class Follower:
         return window if confidence > 0 else whole
 
     def _zoom(self, frame: np.ndarray, window: Window) -> tuple[Window, float]:
-        """Follow a find in `window` into a window of its own; the window with the highest confidence."""
+        """Look again at a person found in `window`, in a window of their own; the best, its confidence."""
         best, highest = window, 0.0
         for _ in range(ZOOMS + 1):
             person = self._look([frame], window)[0]

@@ -18,7 +18,7 @@ SHARE = 0.8
 SAMPLES = 10
 LEAST_JOINTS = 4
 LEAST_SCORE = 0.2
-"""Joints of a person, and their mean score; what has less is nobody."""
+"""Least number of joints of a person, and their least mean score."""
 _FLOOR = 1e-4
 
 LIMBS: dict[str, tuple[tuple[int, int], ...]] = {
@@ -71,7 +71,7 @@ def find_peaks(maps: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray, 
     peak = np.ones(len(n), bool)
     for step in (-row - 1, -row, -row + 1, -1, 1, row - 1, row, row + 1):
         beside = cells[place + step]
-        # Written so that a neighbour which is no number says nothing.
+        # Written so that a neighbour that is NaN does not count.
         peak &= ~(here <= beside) if step < 0 else ~(here < beside)
     place, y, x = place[peak], y[peak], x[peak]
     # The peak of a Gaussian is the vertex of the parabola through the logarithms of three neighbouring

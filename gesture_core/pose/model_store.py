@@ -178,8 +178,8 @@ def downloaded(
 ) -> Iterator[Path]:
     """The file at ``url`` in a folder of its own, which is removed at the end, whatever happens.
 
-    ``on_bytes`` is told how many more bytes have come. What gets a network by its name (`KnownModel.url`,
-    or a file inside an archive) begins here, and ends with `add_model`.
+    ``on_bytes`` is called with the number of further bytes that have arrived. What gets a network by its
+    name (`KnownModel.url`, or a file inside an archive) begins here, and ends with `add_model`.
 
     Raises
     ------
@@ -240,7 +240,7 @@ def downloaded(
 
 
 class _Bounded:
-    """A file that refuses to grow past a limit: a server may send more than it says."""
+    """A file that refuses to grow past a limit: a server may send more than it announced."""
 
     def __init__(self, file: BinaryIO, limit: int, url: str, on_bytes: Callable[[int], None]) -> None:
         self._file = file

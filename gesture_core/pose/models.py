@@ -263,11 +263,9 @@ def read_model(path: Path, limit: int | None = None) -> bytes:
     """
     limit = MAX_BYTES if limit is None else limit
     try:
-        with open_regular(path, limit, ModelError) as file:
+        with open_regular(path, limit, ModelError, ("E_NOT_FOUND", "E_MODEL_FILE", "E_MODEL_SIZE")) as file:
             return file.read(limit)
     except ModelError as error:
-        codes = {"E_MISSING": "E_NOT_FOUND", "E_UNREADABLE": "E_MODEL_FILE", "E_LIMIT": "E_MODEL_SIZE"}
-        error.code = codes[error.code]
         if error.code == "E_NOT_FOUND":
             error.remedy = "check the path, or take a name: 'gesture models' lists them"
         raise

@@ -258,7 +258,7 @@ class NetworkBackend(ABC):
             declared = self.header.inputs[0]
         shape = [1 if i == 0 else (n or 256) for i, n in enumerate(declared.shape)]
         if len(shape) != 4 or 3 not in (shape[1], shape[3]):
-            infer_contract([declared], [], str(self.model.path))  # which says what is wrong with it
+            infer_contract([declared], [], str(self.model.path))  # raises, and names the shape
         try:
             outputs = self.run(np.full(shape, 128, declared.dtype))
         except TypeError as error:

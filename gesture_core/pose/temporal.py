@@ -31,7 +31,7 @@ _LIMBS = (
 )
 
 
-# What speaks for a choice; lengths in torsos (shoulders to hips), times in seconds.
+# Costs that decide the choice; lengths in torsos (shoulders to hips), times in seconds.
 PEAKS, MIRRORED = 3, 2
 """Peaks of each joint that are considered, and of the same joint of the other side."""
 SCORE = 1.5
@@ -147,9 +147,9 @@ class JointChoice:
     def _torso_lengths(self, points: np.ndarray) -> np.ndarray:
         """(T,) length of the torso in each frame of (T, J, 2) keypoints, in pixels, smoothed over time.
 
-        The larger of shoulders to hips and what the width of the shoulders says of it, as a person who
-        turns aside has not become smaller; a running median, the nearest value where nothing is seen. NaN
-        throughout where it is never seen.
+        The larger of the distance from shoulders to hips and of what the width of the shoulders suggests, as
+        a person who turns aside has not become smaller; a running median, the nearest value where nothing is
+        seen. NaN throughout where it is never seen.
         """
         from scipy.ndimage import median_filter
 
@@ -275,7 +275,7 @@ class _Sequence(NamedTuple):
             upper += costs[side]
             limbs.append(upper[:, :, :, None] + (lower[:, None] + costs[2 + side][:, :, None]))
         # Axes: the way of the roots, right and left middle, right and left end.
-        total = limbs[0][:, :, :, None, :, None] + limbs[1][:, :, None, :, None, :]
+        total: np.ndarray = limbs[0][:, :, :, None, :, None] + limbs[1][:, :, None, :, None, :]
         for right, axes in ((0, (1, 4, 5)), (2, (1, 2, 3))):  # left and right in one place
             gaps = np.linalg.norm(points[right][:, :, None] - points[right + 1][:, None], axis=-1)
             near = np.where(gaps < NEAR * torso[:, None, None], TOGETHER, 0.0)

@@ -114,7 +114,7 @@ def read_keypoints(path: Path, source: str = "") -> Stored:
 def _read(path: Path, source: str) -> Stored:
     import pyarrow.parquet as pq
 
-    with open_regular(path, _MAX_BYTES, KeypointError) as file:
+    with open_regular(path, _MAX_BYTES, KeypointError, ("E_STORE", "E_STORE", "E_STORE")) as file:
         parquet = pq.ParquetFile(file)
         if parquet.metadata.num_rows > _MAX_ROWS:
             raise ValueError(f"{parquet.metadata.num_rows} rows, at most {_MAX_ROWS}")

@@ -43,7 +43,8 @@ def open_container(path: Path) -> tuple[BinaryIO, str]:
         folder), which is never opened; `E_MEDIA_EMPTY` for a file of no bytes; `E_MEDIA_FORMAT` where
         the first bytes are of no known container, a playlist among them.
     """
-    buffered = open_regular(path, sys.maxsize, MediaError, "E_MEDIA")
+    codes = ("E_MEDIA_MISSING", "E_MEDIA_UNREADABLE", "E_MEDIA_LIMIT")
+    buffered = open_regular(path, sys.maxsize, MediaError, codes)
     # A decoder that is given the descriptor must find the file where Python left it.
     file = cast(io.FileIO, cast(io.BufferedReader, buffered).detach())
     try:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from tiny_networks import constant, dot_network, random_maps
 
 from gesture_core.errors import ModelError
+from gesture_core.pose import onnx_header
 from gesture_core.pose.onnx_header import read_header
 
 
@@ -119,6 +120,19 @@ def test_endless_nesting_is_refused() -> None:
         message = b"\x0a" + _length(node) + node
     with pytest.raises(ModelError, match="nested too deeply"):
         read_header(b"\x3a" + _length(message) + message)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [b"\x0a\x00", b"\xa0\x06\x01", b"\xad\x06....", b"\xa9\x06........"],
+    ids=["node", "number", "32", "64"],
+)
+def test_a_file_of_nothing_but_fields_is_refused_soon(field: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(onnx_header, "MAX_FIELDS", 5_000)
+    few, many = field * 4_000, field * 6_000
+    read_header(b"\x3a" + _length(few) + few)
+    with pytest.raises(ModelError, match="more than 5000 fields"):
+        read_header(b"\x3a" + _length(many) + many)
 
 
 def _length(data: bytes) -> bytes:

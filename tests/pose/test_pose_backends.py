@@ -11,15 +11,18 @@ from tiny_networks import FIGURE, constant, dot_network, dot_picture, random_map
 
 from gesture_core.errors import ModelError, PoseError
 from gesture_core.plugin import registry
+from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.models import find_model
+from gesture_core.pose.network import NetworkBackend
 
 HALF_A_CELL = 0.5 * 4 * 200 / 96
 """Pixels of a picture 200 wide in a network of 96 pixels and stride 4."""
 BACKENDS = registry().names("pose", usable=True)
 
 
-def make(name: str, path: Path, **options: object):
-    return registry().make("pose", name, options, model=find_model(path))
+def make(name: str, path: Path, **options: object) -> NetworkBackend:
+    made: NetworkBackend = registry().make("pose", name, options, model=find_model(path))
+    return made
 
 
 def frames(count: int, size: tuple[int, int] = (120, 160), seed: int = 0) -> list[np.ndarray]:
@@ -31,7 +34,7 @@ def frames(count: int, size: tuple[int, int] = (120, 160), seed: int = 0) -> lis
     return [cv2.resize(picture, size[::-1], interpolation=cv2.INTER_CUBIC) for picture in coarse]
 
 
-def keypoints(found: list) -> np.ndarray:
+def keypoints(found: list[list[Person]]) -> np.ndarray:
     return np.stack([people[0].keypoints for people in found])
 
 

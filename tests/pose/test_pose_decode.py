@@ -13,13 +13,15 @@ from gesture_core.errors import PoseError
 from gesture_core.plugin import registry
 from gesture_core.pose.heatmaps import LIMBS
 from gesture_core.pose.models import find_model
+from gesture_core.pose.network import NetworkBackend
 from gesture_core.skeletons import SKELETONS
 
 GREY = np.full((128, 128, 3), 90, np.uint8)  # twice the size of the input
 
 
-def backend(path: Path, **options: object):
-    return registry().make("pose", "onnx", options, model=find_model(path))
+def backend(path: Path, **options: object) -> NetworkBackend:
+    made: NetworkBackend = registry().make("pose", "onnx", options, model=find_model(path))
+    return made
 
 
 def spots(joints: int, seed: int = 0) -> np.ndarray:
@@ -31,7 +33,8 @@ def maps_of(points: np.ndarray, stride: int, side: int = 64) -> np.ndarray:
     cells = side // stride
     rows, columns = np.mgrid[:cells, :cells]
     x, y = ((points + 0.5) / stride - 0.5).T[..., None, None]
-    return 0.8 * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / 4)
+    maps: np.ndarray = 0.8 * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / 4)
+    return maps
 
 
 def in_picture(points: np.ndarray) -> np.ndarray:
@@ -69,7 +72,7 @@ def test_separate_maps_and_fields_of_two_stages(tmp_path: Path) -> None:
     points = spots(18)
     maps = np.zeros((1, 19, 16, 16), np.float32)
     maps[0, :18] = maps_of(points, 4)
-    outputs = {
+    outputs: dict[str, np.ndarray] = {
         "fields1": np.zeros((1, 38, 16, 16)),
         "maps1": np.ones((1, 19, 16, 16)),
         "fields2": np.zeros((1, 38, 16, 16)),

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from tiny_networks import FIGURE, GREY, constant, dot_network, dot_picture, random_maps
 
 from gesture_core.plugin import registry
 from gesture_core.plugin.interfaces import Person
+from gesture_core.pose.contract import ModelContract
 from gesture_core.pose.extract import extract_poses, open_backend
 from gesture_core.pose.follow import PAUSE, Follower
 from gesture_core.pose.models import find_model
+from gesture_core.pose.network import NetworkBackend
 from gesture_core.settings import load_settings
 
 
-def backend(path: Path, **options: object):
-    return registry().make("pose", "onnx", options, model=find_model(path))
+def backend(path: Path, **options: object) -> NetworkBackend:
+    made: NetworkBackend = registry().make("pose", "onnx", options, model=find_model(path))
+    return made
 
 
 def walk(count: int, size: float = 72, start: tuple[float, float] = (30, 20)) -> list[np.ndarray]:
@@ -39,7 +43,8 @@ def errors(points: np.ndarray, places: list[np.ndarray]) -> np.ndarray:
     """(T, J) distances in shoulder widths; infinite where a joint is missing."""
     distance = np.linalg.norm(points - np.stack(places), axis=2)
     width = np.linalg.norm(places[0][2] - places[0][5])
-    return np.nan_to_num(distance / width, nan=np.inf)
+    found: np.ndarray = np.nan_to_num(distance / width, nan=np.inf)
+    return found
 
 
 def test_following_sees_a_person_of_a_fifth_of_the_height(tmp_path: Path) -> None:
@@ -101,7 +106,7 @@ def test_searches_for_nobody_are_bounded(tmp_path: Path) -> None:
 
 
 def test_frames_are_let_go_while_the_video_is_read(tmp_path: Path) -> None:
-    alive: list[weakref.ref] = []
+    alive: list[weakref.ref[np.ndarray]] = []
     most = 0
 
     def frames() -> Iterator[tuple[float, np.ndarray]]:
@@ -162,7 +167,7 @@ class Two:
     def __init__(self) -> None:
         self.frame = 0
 
-    def estimate(self, frames: list[np.ndarray], people: str = "single") -> list[list[Person]]:
+    def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
         found = []
         for _ in frames:
             first = Person(FIGURE * 50 + self.frame, np.full(18, 0.9))
@@ -182,11 +187,30 @@ def test_every_person_is_a_sequence_of_their_own() -> None:
     assert len(best) == 24
 
 
+class Able(Two):
+    """The same with every optional ability."""
+
+    follow, crop, steady = True, 2.0, False
+    provenance: ClassVar[dict[str, str]] = {"made_by": "hand"}
+
+
+def test_what_a_backend_can_do_beside_finding_people_is_asked_of_it() -> None:
+    frames = [(t / 10, np.zeros((400, 400, 3), np.uint8)) for t in range(6)]
+    (plain,), (able,) = extract_poses(frames, Two()), extract_poses(frames, Able())
+    assert plain.provenance == {"people": "single", "follow": "False", "steady": "True"}
+    assert able.provenance == {"people": "single", "follow": "True", "steady": "False", "made_by": "hand"}
+    assert Follower(Able()).size == 2.0 and Follower(Two()).size == ModelContract.crop
+    chosen = extract_poses(frames, Able(), follow=False, steady=True)[0].provenance
+    assert (chosen["follow"], chosen["steady"]) == ("False", "True")
+
+
 def test_settings_choose_the_backend_and_its_options(tmp_path: Path) -> None:
     path = dot_network(tmp_path / "free.onnx", side=None)
     sets = [f"pose.model={path}", "pose.height=96", "pose.score=0.3", "opencv-dnn.batch_size=3"]
     for name, batch in (("onnx", 8), ("opencv-dnn", 3)):
         found = open_backend(load_settings(sets=[*sets, f"pose.backend={name}"], environment={}))
+        assert isinstance(found, NetworkBackend)
         assert (found.name, found.score, found.height, found.batch_size) == (name, 0.3, 96, batch)
     plain = open_backend(load_settings(sets=[f"pose.model={path}"], environment={}))
+    assert isinstance(plain, NetworkBackend)
     assert plain.height is None and plain.provenance["height"] == str(plain.contract.default_size)

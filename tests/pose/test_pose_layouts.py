@@ -29,7 +29,7 @@ IMAGE = Tensor("image", "float32", (None, 3, 256, 256))
         ([(1, 8400, 56)], "yolo-pose", "coco17"),
     ],
 )
-def test_outputs_say_what_a_network_is(outputs: list, layout: str, skeleton: str) -> None:
+def test_outputs_say_what_a_network_is(outputs: list[tuple[int, ...]], layout: str, skeleton: str) -> None:
     contract = infer_contract([IMAGE], outputs)
     assert (contract.layout, contract.skeleton, contract.input_size) == (layout, skeleton, (256, 256))
 
@@ -46,7 +46,7 @@ def test_the_input_is_read_off_too() -> None:
 @pytest.mark.parametrize(
     "outputs", [[], [(1, 1000)], [(1, 20, 32, 32)], [(1, 17, 64), (1, 17, 64), (1, 17, 64)], [(1, 133, 3)]]
 )
-def test_other_outputs_are_shown_in_the_error(outputs: list) -> None:
+def test_other_outputs_are_shown_in_the_error(outputs: list[tuple[int, ...]]) -> None:
     with pytest.raises(ModelError, match="E_MODEL_LAYOUT") as error:
         infer_contract([IMAGE], outputs)
     for shape in outputs:
@@ -55,7 +55,7 @@ def test_other_outputs_are_shown_in_the_error(outputs: list) -> None:
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 64, 64), (1, 3), (64, 64, 64)])
-def test_an_input_that_takes_no_picture_is_refused(shape: tuple) -> None:
+def test_an_input_that_takes_no_picture_is_refused(shape: tuple[int, ...]) -> None:
     with pytest.raises(ModelError, match="E_MODEL_INPUT"):
         infer_contract([Tensor("x", "float32", shape)], [(1, 57, 8, 8)])
     with pytest.raises(ModelError, match="2 inputs"):
@@ -82,7 +82,7 @@ def test_the_last_stage_counts() -> None:
         {"dtype": "int32", "scale": (0.5, 1.0, 1.0)},
     ],
 )  # fmt: skip
-def test_impossible_contracts_are_refused(change: dict) -> None:
+def test_impossible_contracts_are_refused(change: dict[str, object]) -> None:
     with pytest.raises(ModelError, match="E_MODEL_CONTRACT"):
         ModelContract.from_table({"layout": "openpose", **change})
 

@@ -61,7 +61,8 @@ def test_known_networks_are_known_by_their_hash(shared_models: Path, tmp_path: P
     found = find_model(renamed)
     assert found.name == "movenet-lightning"
     assert found.contract is not None and found.contract.licence == "Apache-2.0"
-    listed = dict(reversed(line.split()) for line in (shared_models / "SHA256SUMS").read_text().splitlines())
+    lines = [line.split() for line in (shared_models / "SHA256SUMS").read_text().splitlines()]
+    listed = {file: sha256 for sha256, file in lines}
     for known in known_models().values():
         for file in known.files:
             if file in listed:

@@ -112,7 +112,7 @@ def test_the_line_integral_is_that_of_a_slow_reference(monkeypatch: pytest.Monke
             for t in np.linspace(0, 1, SAMPLES):
                 x, y = np.rint(a + t * (b - a)).astype(int)
                 total += field[0, y, x] * unit[0] + field[1, y, x] * unit[1]
-            want = total / SAMPLES + min(15 / np.linalg.norm(b - a) - 1, 0)
+            want = total / SAMPLES + min(15 / float(np.linalg.norm(b - a)) - 1, 0)
             assert got[i, j] == pytest.approx(max(want, 0), abs=1e-6)
 
 

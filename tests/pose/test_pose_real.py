@@ -11,14 +11,16 @@ import pytest
 from gesture_core.plugin import registry
 from gesture_core.pose.extract import extract_poses
 from gesture_core.pose.models import find_model
+from gesture_core.pose.network import NetworkBackend
 from gesture_core.skeletons import COCO18
 from gesture_core.video import open_video
 
 UPPER = [i for i, joint in enumerate(COCO18.joints) if joint.endswith(("neck", "shoulder", "elbow", "wrist"))]
 
 
-def backend(path: Path, **options: object):
-    return registry().make("pose", "onnx", options, model=find_model(path))
+def backend(path: Path, **options: object) -> NetworkBackend:
+    made: NetworkBackend = registry().make("pose", "onnx", options, model=find_model(path))
+    return made
 
 
 def frames_of(path: Path, count: int, step: int = 1) -> list[tuple[float, np.ndarray]]:

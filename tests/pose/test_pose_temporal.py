@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,7 +14,7 @@ from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.extract import extract_poses
 from gesture_core.pose.follow import Window
 from gesture_core.pose.temporal import JointChoice
-from gesture_core.skeletons import COCO17, COCO18, MPI15, SKELETONS
+from gesture_core.skeletons import COCO17, COCO18, MPI15, SKELETONS, Skeleton
 
 RIGHT, LEFT = [2, 3, 4, 8, 9, 10], [5, 6, 7, 11, 12, 13]
 
@@ -107,8 +109,8 @@ def test_maps_that_show_both_sides_are_put_right_too() -> None:
     choice = JointChoice(COCO18)
     seen, scores = truth.copy(), np.full((30, 18), 0.5, np.float32)
     scores[:20, 0] = 0.0  # and no face in the frames that are wrong
-    wrong = np.arange(30) < 20
-    seen[np.ix_(wrong, RIGHT + LEFT)] = truth[np.ix_(wrong, LEFT + RIGHT)]
+    frames = np.flatnonzero(np.arange(30) < 20)[:, None]  # which are wrong
+    seen[frames, RIGHT + LEFT] = truth[frames, LEFT + RIGHT]
     peaks = peaks_of(choice, seen, 0.5)
     across = {4: 7, 7: 4, 3: 6, 6: 3, 9: 12, 12: 9, 10: 13, 13: 10}
     for i, joint in enumerate(choice.joints):
@@ -168,8 +170,8 @@ def test_equal_times_and_one_frame_are_survived() -> None:
 def test_blocks_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     random = np.random.default_rng(3)
     points = waving(50, jitter=3.0).astype(np.float32)
-    swapped = random.random(50) < 0.3
-    points[np.ix_(swapped, RIGHT + LEFT)] = points[np.ix_(swapped, LEFT + RIGHT)]
+    swapped = np.flatnonzero(random.random(50) < 0.3)[:, None]
+    points[swapped, RIGHT + LEFT] = points[swapped, LEFT + RIGHT]
     whole = chosen(points)
     monkeypatch.setattr("gesture_core.pose.temporal._BLOCK", 7)
     for one, two in zip(whole, chosen(points), strict=True):
@@ -177,7 +179,7 @@ def test_blocks_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("body", SKELETONS.values(), ids=lambda body: body.name)
-def test_every_skeleton_has_its_limbs(body) -> None:
+def test_every_skeleton_has_its_limbs(body: Skeleton) -> None:
     joints = {body.joints[j] for j in JointChoice(body).joints}
     assert joints == {
         f"{side}_{part}" for side in ("left", "right") for part in ("elbow", "wrist", "knee", "ankle")
@@ -209,7 +211,7 @@ class Swapping:
         self.truth = truth
         self.frame = 0
 
-    def estimate(self, frames: list[np.ndarray], people: str = "single") -> list[list[Person]]:
+    def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
         found = []
         for _ in frames:
             points = self.truth[self.frame]

@@ -166,8 +166,10 @@ def test_a_network_that_grows_answers_as_before() -> None:
 
 
 def test_a_training_grows_at_its_step(batches: Batches, tmp_path: Path) -> None:
-    wide = {**TINY["network"], "widths": [4, 4, 8, 12, 8]}
-    table = {**TINY, "first": TINY["network"], "network": wide, "grow_at": 2, "mean_from": 3}
+    tiny = {"widths": [4, 4, 8, 8, 8], "depths": [1, 1, 1, 1], "expand": 2, "neck": 8}
+    assert tiny == TINY["network"]
+    wide = {**tiny, "widths": [4, 4, 8, 12, 8]}
+    table = {**TINY, "first": tiny, "network": wide, "grow_at": 2, "mean_from": 3}
     settings = settings_module.parse(table)
     straight = train(batches, settings, tmp_path, progress=False)
     assert straight.stride16[0].body[-1].num_features == 12
@@ -358,7 +360,8 @@ def test_the_pictures_of_the_card_are_drawn(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     show.curve(log, tmp_path / "curve.png")
-    assert cv2.imread(str(tmp_path / "curve.png")).shape[1] > 300
+    picture = cv2.imread(str(tmp_path / "curve.png"))
+    assert picture is not None and picture.shape[1] > 300
     drawn = show.skeleton(np.full((96, 96, 3), 90, np.uint8), STANDING, np.ones(18))
     assert drawn.shape == (96, 96, 3) and (drawn != 90).any()
     hidden = show.skeleton(np.full((96, 96, 3), 90, np.uint8), STANDING, np.zeros(18))

@@ -153,7 +153,7 @@ def test_our_own_archive(tmp_path: Path) -> None:
 def test_an_archive_of_many_sequences(tmp_path: Path) -> None:
     path = tmp_path / "many.npz"
     sequences = {f"clip/{index}": np.full((index + 2, 18, 3), 0.5) for index in range(5)}
-    np.savez(path, fps=np.array(25), **sequences)
+    np.savez(path, allow_pickle=False, fps=np.array(25), **sequences)
     reader = ArrayReader()
     assert reader.members(path) == list(sequences)
     for name, array in sequences.items():
@@ -308,7 +308,9 @@ def test_the_real_landmarks(shared: Path) -> None:
     for name in members[::20]:
         (sequence,) = reader.read(path, name)
         assert sequence.skeleton == "blazepose33" and sequence.seen.all()
-        np.testing.assert_allclose(sequence.keypoints, raw[name][..., :2] * np.float32([640, 480]), rtol=1e-6)
+        np.testing.assert_allclose(
+            sequence.keypoints, raw[name][..., :2] * np.array([640, 480], np.float32), rtol=1e-6
+        )
         np.testing.assert_allclose(sequence.scores, raw[name][..., 3])
         neck = sequence.as_coco18().keypoints[:, 1]
         np.testing.assert_allclose(neck, sequence.keypoints[:, 11:13].mean(axis=1), rtol=1e-5)

@@ -129,7 +129,7 @@ def _npy(array: np.ndarray) -> bytes:
 
 def _npz(**arrays: np.ndarray) -> bytes:
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
     return buffer.getvalue()
 
 
@@ -185,7 +185,7 @@ _heads = st.sampled_from(
 )
 @settings(max_examples=250, **FUZZ)
 def test_any_named_table(folder: Path, head: str | None, rows: list[list[str]], tail: bytes) -> None:
-    text = "\n".join([head] * (head is not None) + [",".join(row) for row in rows])
+    text = "\n".join([*([] if head is None else [head]), *(",".join(row) for row in rows)])
     (folder / "x.csv").write_bytes(text.encode("utf-8", "replace") + tail)
     check(CsvReader(people="multi"), folder / "x.csv")
 

@@ -142,7 +142,8 @@ def test_every_scale_of_openpose_is_the_same_body(
     """Shares of width and height become one unit again; scale 4 puts a missing joint at -1, -1, 0."""
     size = np.array([640, 480])
     pixels, shares = tmp_path / "pixels", tmp_path / "shares"
-    pixels.mkdir(), shares.mkdir()
+    pixels.mkdir()
+    shares.mkdir()
     for number in range(6):
         body = person(18, (200 + number, 100), 150)
         body[number] = 0
@@ -226,7 +227,8 @@ def test_links_out_of_the_folder_and_pipes_are_refused(tmp_path: Path) -> None:
     import os
 
     folder, outside = tmp_path / "in", tmp_path / "out"
-    folder.mkdir(), outside.mkdir()
+    folder.mkdir()
+    outside.mkdir()
     secret = write_frame(outside, "clip", 0, [])
     inside = write_frame(folder, "clip", 0, [])
     (folder / frame_name("clip", 1)).symlink_to(inside)

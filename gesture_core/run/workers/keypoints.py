@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
-from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -194,9 +193,8 @@ class KeypointExtractor:
             stored = read_keypoints(path)
             sequences, known = stored.sequences, dict(stored.facts)
         else:
-            taken = signature(registry().load("reader", name)).parameters
             shared = {"fps": pose.fps, "people": pose.people}
-            options = {key: value for key, value in shared.items() if key in taken}
+            options = {key: one for key, one in shared.items() if registry().takes("reader", name, key)}
             reader = registry().make("reader", name, options | self._settings.plugin_options(name))
             with calling(registry().find("reader", name), passing=(OSError,)):
                 sequences = [_checked(sequence) for sequence in reader.read(path, member)]

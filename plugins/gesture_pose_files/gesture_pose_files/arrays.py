@@ -202,7 +202,7 @@ def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
             zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, NotImplementedError, RuntimeError,
             OSError, ValueError, OverflowError, IndexError, struct.error,
         ) as error:  # fmt: skip
-            # RuntimeError is what zipfile says of an encrypted member.
+            # zipfile raises RuntimeError for an encrypted member.
             raise KeypointError(
                 f"is a broken archive: {error}",
                 subject=printable(path),

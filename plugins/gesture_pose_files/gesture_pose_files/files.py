@@ -1,4 +1,4 @@
-"""Opens keypoint files that nobody vouches for, and checks options that all readers share."""
+"""Opens keypoint files, which are not trusted, and checks options that all readers share."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ MAX_ARRAY_BYTES = 128 << 20
 MAX_JSON_BYTES = 2 << 20
 MAX_CSV_BYTES = 512 << 20
 MAX_MEMBERS = 20_000
+_CODES = ("E_KEYPOINTS_MISSING", "E_KEYPOINTS_UNREADABLE", "E_KEYPOINTS_LIMIT")
 COPY_AGAIN = "copy it again from where it came"
 
 
@@ -27,7 +28,7 @@ def open_keypoints(path: Path, max_bytes: int) -> BinaryIO:
         `E_KEYPOINTS_MISSING`, `E_KEYPOINTS_UNREADABLE`, `E_KEYPOINTS_EMPTY`, `E_KEYPOINTS_LIMIT`.
     """
     try:
-        file = open_regular(path, max_bytes, KeypointError, "E_KEYPOINTS")
+        file = open_regular(path, max_bytes, KeypointError, _CODES)
     except KeypointError as error:
         if error.code == "E_KEYPOINTS_LIMIT":
             error.remedy = "split it"
@@ -46,7 +47,7 @@ def head_of(path: Path, count: int) -> bytes:
     Raises
     ------
     KeypointError
-        `E_KEYPOINTS_UNREADABLE` where the file is there and cannot be read: whose it is, nobody can say.
+        `E_KEYPOINTS_UNREADABLE` where the file exists and cannot be read, so that its format is unknown.
     """
     try:
         with open_keypoints(path, 1 << 62) as file:

@@ -18,7 +18,7 @@ BY_COUNT: Mapping[int, Skeleton] = {
 _FLAT = {joints * values: (joints, values) for joints in BY_COUNT for values in (2, 3, 4)}
 FLAT_WIDTHS = frozenset(_FLAT)
 _FORMS = "(T, J, 2|3|4) or (T, 2J|3J|4J) with J of 15, 17, 18, 25 or 33"
-# MediaPipe's x and y are shares of width and height; nobody stands further outside the picture than this.
+# MediaPipe's x and y are shares of width and height; a joint lies at most this far outside the picture.
 _LARGEST_SHARE = 5.0
 # Seconds from frame to frame: a gesture is over before the next frame, or these are no seconds.
 _LONGEST_STEP = 1.0
@@ -125,14 +125,14 @@ def assumed_rate(fps: float) -> str:
 
 
 def assumed_picture(size: tuple[int, int]) -> str:
-    """What the provenance says of shares of a picture whose size the file does not tell."""
+    """What the provenance says of shares of a picture whose size the file does not state."""
     return f"a picture of {size[0]} x {size[1]} (frame_size)"
 
 
 def check_seconds(times: np.ndarray, source: str) -> None:
     """Refuse times, in any order, that can be no seconds: E_KEYPOINTS_TIMES."""
-    told = np.asarray(times, np.float64)
-    steps = np.diff(np.unique(told[np.isfinite(told)]))
+    given = np.asarray(times, np.float64)
+    steps = np.diff(np.unique(given[np.isfinite(given)]))
     usual = float(np.median(steps)) if len(steps) else 0.0
     if usual > _LONGEST_STEP:
         raise KeypointError(
@@ -186,7 +186,7 @@ def _scores(values: np.ndarray, body: Skeleton, source: str) -> np.ndarray | Non
 def _missing(points: np.ndarray, scores: np.ndarray | None, body: Skeleton) -> np.ndarray:
     """(T, J) bool: joints that were not found.
 
-    With scores, 0 says so, wherever x and y are. Without, x and y of 0 do, unless the coordinates are
+    A score of 0 means missing, wherever x and y are. Without scores, x and y of 0 do, unless they are
     centred on the neck: then the neck is at 0, 0 in every frame, others may fall on it, and, as in
     no picture, some coordinates are negative. A frame of nothing but zeros is empty either way.
     """

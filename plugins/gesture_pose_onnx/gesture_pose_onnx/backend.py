@@ -6,7 +6,7 @@ import numpy as np
 import onnxruntime
 
 from gesture_core.errors import ModelError
-from gesture_core.pose.network import NetworkBackend
+from gesture_core.pose import NetworkBackend
 
 
 class OnnxBackend(NetworkBackend):

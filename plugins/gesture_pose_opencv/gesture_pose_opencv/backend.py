@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 
 from gesture_core.errors import ModelError
-from gesture_core.pose.models import read_model
-from gesture_core.pose.network import NetworkBackend
+from gesture_core.pose import NetworkBackend, read_model
 
 _PROTOTXT_LIMIT = 1 << 20
 
