@@ -93,7 +93,24 @@ def test_plugins_import_neither_each_other_nor_the_upper_floors(path: Path) -> N
             assert floor(name.removeprefix("gesture_core.")) <= floor("dtw"), name
 
 
+FOR_KERNELS = {
+    "cores",
+    "dtw.bands",
+    "dtw.batches",
+    "dtw.lanes",
+    "dtw.spec",
+    "errors",
+    "plugin.hooks",
+    "plugin.interfaces",
+    "types",
+}
 PUBLIC_FOR = {
+<<<<<<< HEAD
+    "gesture_dtw_jax": FOR_KERNELS,
+    "gesture_dtw_numba": FOR_KERNELS,
+    "gesture_dtw_numpy": FOR_KERNELS,
+    "gesture_dtw_torch": FOR_KERNELS,
+=======
     "gesture_pose_files": {
         "errors",
         "files",
@@ -105,6 +122,7 @@ PUBLIC_FOR = {
     },
     "gesture_pose_onnx": {"errors", "plugin.hooks", "pose"},
     "gesture_pose_opencv": {"errors", "plugin.hooks", "pose"},
+>>>>>>> pose
     "gesture_signals": {"errors", "plugin.hooks", "signals.body", "types"},
     "gesture_video": {"errors", "plugin.hooks", "plugin.interfaces", "video"},
 }

@@ -55,7 +55,7 @@ def soft_warping(
     >>> import numpy as np
     >>> from gesture_core.dtw import soft_warping
     >>> soft_warping([np.array([0.0, 1.0])], [np.array([0.0, 2.0])], kernel="numpy").round(3).tolist()
-    [[0.436]]
+    [[0.673]]
     """
     return warping_distances(queries, examples, _soft(spec), kernel, options)
 
@@ -111,7 +111,7 @@ def soft_warping_gradient(
     >>> from gesture_core.dtw import soft_warping_gradient
     >>> found = soft_warping_gradient([np.array([0.0, 1.0])], [np.array([0.0, 2.0])], kernel="numpy")
     >>> found.queries[0].round(3).tolist()
-    [[-0.363], [-1.819]]
+    [[-0.053], [-1.469]]
     """
     spec = _soft(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
@@ -161,7 +161,7 @@ def soft_divergence(
     >>> from gesture_core.dtw import soft_divergence
     >>> rise = np.array([0.0, 1.0, 2.0])
     >>> soft_divergence([rise], [rise, rise + 1], kernel="numpy").round(3).tolist()
-    [[0.0, 2.253]]
+    [[0.0, 2.137]]
     """
     spec = _soft(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)

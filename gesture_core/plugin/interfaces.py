@@ -170,7 +170,7 @@ class Video(Protocol):
 @runtime_checkable
 class VideoReader(Protocol):
     """Opens videos. Where what it needs is absent or too old, its construction raises a
-    MissingDependencyError, and ``pose.reader = auto`` passes on to the next reader.
+    MissingDependencyError; ``pose.reader = auto`` then takes the next reader.
 
     `gesture_core.video.VideoDecoder` is a base for what `open` returns: it opens the file safely and
     does what all readers share.

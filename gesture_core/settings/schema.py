@@ -47,7 +47,7 @@ class PoseSettings(_Section):
         Joints below this confidence are missing, of networks and of keypoint files that have
         scores; None leaves it to the network, and takes every joint of a keypoint file.
     reader : str
-        Video reader: ``auto``, ``pyav`` or ``opencv``.
+        Name of a video reader, or ``auto``: ``pyav`` where it is installed, otherwise ``opencv``.
     fps : float
         Frames per second of keypoint files that carry no times.
     """

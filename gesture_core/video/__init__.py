@@ -5,8 +5,8 @@ Its class of `VideoDecoder` (`decoder`) opens the file if it is a regular file t
 (`containers`), and decodes stored pictures with the container's stamps. The base class makes seconds of the
 stamps, turns pictures upright, keeps their size constant (`frames`) and holds the limits. What goes wrong on
 the way is written to a `DamageLog`; at the end `Integrity` (`integrity`) compares what came with what the
-container promised, by its counts and by its structure (`integrity.iso`, `integrity.matroska`). The report of
-the video says all of it.
+container declares, by its counts and by its structure (`integrity.iso`, `integrity.matroska`). The report of
+the video has all of it.
 
 Public for plugins of the kind ``video``, besides `gesture_core.errors` and `gesture_core.plugin.interfaces`:
 the names below.

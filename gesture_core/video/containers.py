@@ -1,4 +1,4 @@
-"""Opens a video file safely and tells its container from its first bytes.
+"""Opens a video file safely and recognises its container by its first bytes.
 
 FFmpeg chooses a demuxer by content, and some demuxers (concat, HLS, DASH, image sequences) open other
 files. Only containers on the list below are ever handed to it, and by name.
@@ -34,14 +34,14 @@ _PLAYLISTS: tuple[bytes, ...] = (b"ffconcat", b"#EXTM3U", b"[playlist]", b"<?xml
 
 
 def open_container(path: Path) -> tuple[BinaryIO, str]:
-    """Open a video file at its start, unbuffered, and tell FFmpeg's name of its container.
+    """Open a video file at its start, unbuffered; with FFmpeg's name of its container.
 
     Raises
     ------
     MediaError
         `E_MEDIA_MISSING`; `E_MEDIA_UNREADABLE`, also for what is no regular file (a pipe, a device, a
         folder), which is never opened; `E_MEDIA_EMPTY` for a file of no bytes; `E_MEDIA_FORMAT` where
-        the first bytes are of no known container, which says whether it is a playlist.
+        the first bytes are of no known container, a playlist among them.
     """
     codes = ("E_MEDIA_MISSING", "E_MEDIA_UNREADABLE", "E_MEDIA_LIMIT")
     buffered = open_regular(path, sys.maxsize, MediaError, codes)

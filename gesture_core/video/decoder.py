@@ -22,9 +22,9 @@ from gesture_core.video.integrity import MAX_FPS, DamageLog
 class VideoDecoder(ABC):
     """One open video file. A context manager; iterate it once.
 
-    A reader's own class says what it is called and writes two methods, `start` and `frames`. It need not
-    care for times that run backwards, pictures that lie on their side or change their size, limits on
-    frames and seconds, and the report: that is done here, from what it tells.
+    A reader's own class has a name and two methods, `start` and `frames`. Times that run backwards, pictures
+    that lie on their side or change their size, limits on frames and seconds, and the report are handled
+    here.
 
     ::
 
@@ -36,18 +36,11 @@ class VideoDecoder(ABC):
             name = "grabber"
 
             def start(self):
-                import grabber
-
                 self._clip = self.resources.enter_context(grabber.open(self.file))
-                return self.describe(
-                    width=self._clip.width, height=self._clip.height, codec=self._clip.codec,
-                    rates=[self._clip.fps], rotation=self._clip.degrees, declared=self._clip.count,
-                )
+                return self.describe(width=self._clip.width, height=self._clip.height, codec="h264")
 
             def frames(self):
                 for picture in self._clip:
-                    if picture.concealed:
-                        self.log.damage("frame with damaged parts")
                     yield picture.seconds, picture.bgr
 
     Attributes
@@ -98,16 +91,16 @@ class VideoDecoder(ABC):
 
     @property
     def report(self) -> VideoReport:
-        """The account of what was read so far."""
-        notes = self.log.clauses()
+        """What was read so far, and what of it was damaged."""
+        notes = [f"{note} ({n} times)" if n > 1 else note for note, n in self.log.notes.items()]
         if self._state != "ended":
-            notes += ("not read to its end",)
+            notes.append("not read to its end")
         return VideoReport(
             frames_declared=self.info.frames_declared,
             frames_read=self._read,
             damaged=self.log.damaged,
             complete=self._state == "ended" and self.log.damaged == 0,
-            notes=notes,
+            notes=tuple(notes),
             reader=self.name,
         )
 
@@ -156,7 +149,7 @@ class VideoDecoder(ABC):
         mirrored: bool = False,
         pixel_aspect: tuple[int, int] = (1, 1),
     ) -> VideoInfo:
-        """A `VideoInfo` from what the decoder says of the stored pictures; claims beyond belief are left out.
+        """A `VideoInfo` from what the decoder knows of the stored pictures, without implausible figures.
 
         Parameters
         ----------

@@ -21,8 +21,7 @@ class Clock:
     Parameters
     ----------
     fps : float or None
-        Frames a second for frames without a stamp; 25 where the container says nothing, and the log
-        says so.
+        Frames a second for frames without a stamp; 25 where it is not known, which the log records.
     log : DamageLog
         Where repairs are noted.
     """

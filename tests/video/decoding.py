@@ -44,7 +44,7 @@ def decode_all(jobs: Sequence[Job], *, limit: float = 20.0, memory: int = 3 << 3
                 answer = worker.ask(reader, path, limit)
                 spent = time.monotonic() - started
                 if isinstance(answer, str):
-                    yield Decoded(reader, path, answer, detail=worker.last_words(), seconds=spent)
+                    yield Decoded(reader, path, answer, detail=worker.stderr_tail(), seconds=spent)
                     break
                 yield Decoded(reader, path, answer["outcome"], answer["frames"], answer["detail"], spent)
         finally:
@@ -62,8 +62,8 @@ class _Worker:
         )
         self._lines: queue.Queue[str] = queue.Queue()
         self._errors: list[str] = []
-        threading.Thread(target=self._pump, daemon=True).start()
-        threading.Thread(target=self._listen, daemon=True).start()
+        threading.Thread(target=self._read_stdout, daemon=True).start()
+        threading.Thread(target=self._read_stderr, daemon=True).start()
         self._lines.get(timeout=120)  # the first line says that the imports are done
 
     def ask(self, reader: str, path: Path, limit: float) -> dict[str, Any] | str:
@@ -78,21 +78,21 @@ class _Worker:
             return "crash"
         return json.loads(line) if line else "crash"
 
-    def last_words(self) -> str:
+    def stderr_tail(self) -> str:
         return f"exit {self._process.poll()}: {''.join(self._errors[-20:])[-2000:]}"
 
     def stop(self) -> None:
         self._process.kill()
         self._process.wait()
 
-    def _pump(self) -> None:
+    def _read_stdout(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._lines.put(line)
         self._process.wait()
         self._lines.put("")
 
-    def _listen(self) -> None:
+    def _read_stderr(self) -> None:
         assert self._process.stderr is not None
         self._errors.extend(self._process.stderr)
 

@@ -1,4 +1,4 @@
-"""Clocks, gaps and edit lists on their own."""
+"""Clocks, counts, gaps and edit lists on their own."""
 
 from __future__ import annotations
 
@@ -55,8 +55,10 @@ def test_gaps_counts_the_frames_that_were_taken_out(count: int, lost: set[int], 
     times = np.round(np.arange(count) / fps, 3)
     lost = {index for index in lost if index < count - 1}
     kept = np.delete(times, sorted(lost))
-    steady = len(kept) - 1 >= 8 and np.mean(np.abs(np.diff(kept) - np.median(np.diff(kept))) <= 0.0016) >= 0.9
-    assert gaps(kept) == (len(lost) if steady else 0)
+    constant = (
+        len(kept) - 1 >= 8 and np.mean(np.abs(np.diff(kept) - np.median(np.diff(kept))) <= 0.0016) >= 0.9
+    )
+    assert gaps(kept) == (len(lost) if constant else 0)
 
 
 def test_an_uneven_recording_has_no_gaps() -> None:
@@ -64,15 +66,15 @@ def test_an_uneven_recording_has_no_gaps() -> None:
     assert gaps(times) == 0
 
 
-def _account(log: DamageLog, **counts: object) -> Integrity:
-    """Of a FLV of a second and 30 frames; its bytes are asked nothing."""
+def _counts(log: DamageLog, **counts: object) -> Integrity:
+    """Of a second and 30 frames in FLV, whose bytes are not looked at."""
     values = {"packets": 30, "frames": 30, "end": 1.0, "stamps": list(np.arange(30) / 30), **counts}
     return Integrity(io.BytesIO(), "flv", log, **values)  # type: ignore[arg-type]
 
 
-def test_an_account_in_order_settles_in_silence() -> None:
+def test_counts_that_agree_leave_no_note() -> None:
     log = DamageLog()
-    account = _account(log)
+    account = _counts(log)
     account.compare_packets(declared=30, duration=1.0)
     assert not log.damaged and not log.notes
 
@@ -86,12 +88,12 @@ def test_an_account_in_order_settles_in_silence() -> None:
         ({"hidden": 2, "frames": 28, "stamps": [0.1, 0.0, 0.2]}, 30, None),
     ],
 )
-def test_an_account_out_of_order_is_damage(
+def test_counts_that_disagree_are_damage(
     change: dict[str, object], declared: int | None, duration: float | None
 ) -> None:
     log = DamageLog()
-    _account(log, **change).compare_packets(declared=declared, duration=duration)
-    assert log.damaged >= 1 and log.clauses()
+    _counts(log, **change).compare_packets(declared=declared, duration=duration)
+    assert log.damaged >= 1 and log.notes
 
 
 def test_a_long_stretch_without_packets_is_a_hole() -> None:
@@ -101,11 +103,11 @@ def test_a_long_stretch_without_packets_is_a_hole() -> None:
     assert (account.holes, account.places) == (1, 4)
 
 
-def test_a_hostile_file_cannot_fill_memory_with_notes() -> None:
+def test_a_file_cannot_fill_memory_with_notes() -> None:
     log = DamageLog()
     for index in range(10_000):
         log.damage(f"clause {index}")
-    assert log.damaged == 10_000 and len(log.clauses()) == MAX_NOTES + 1
+    assert log.damaged == 10_000 and len(log.notes) == MAX_NOTES + 1
 
 
 def _box(kind: bytes, body: bytes) -> bytes:

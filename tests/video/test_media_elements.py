@@ -52,12 +52,12 @@ def test_a_block_of_another_name_breaks_the_chain(name: str) -> None:
     assert read_blocks(io.BytesIO(_film(BLOCK, _sized(name, bytes(24))))).fault or name == "5854"
 
 
-def test_unused_space_among_blocks_is_told() -> None:
+def test_unused_space_among_blocks_is_counted() -> None:
     assert read_blocks(io.BytesIO(_film(BLOCK, _sized("ec", bytes(24))))).voids == 1
     assert read_blocks(io.BytesIO(_sized("ec", bytes(24)) + _film(BLOCK))).voids == 0
 
 
-def test_a_walk_that_was_given_up_says_nothing_of_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_of_too_many_elements_is_not_called_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(matroska, "_MAX_ELEMENTS", 4)
     assert not read_blocks(io.BytesIO(_film(BLOCK, BLOCK))).closed
 
@@ -121,7 +121,7 @@ def test_a_film_with_sound_is_whole(tmp_path: Path, name: str, codec: str, sound
     assert video.report.complete, video.report.notes
 
 
-def test_a_header_that_promises_longer_sound_than_there_is_costs_no_picture(tmp_path: Path) -> None:
+def test_a_header_that_declares_longer_sound_than_there_is_costs_no_picture(tmp_path: Path) -> None:
     write_clip(tmp_path / "whole.mkv", "mjpeg")
     data = bytearray((tmp_path / "whole.mkv").read_bytes())
     at = data.index(bytes.fromhex("448988")) + 3  # Duration, eight bytes of milliseconds

@@ -60,6 +60,7 @@ class StripesVideo(VideoDecoder):
         for number, stamp in enumerate(STAMPS):
             if number == 2 and self._reader.fails == "read":
                 raise KeyError("read")
+            self.log.note("drawn")
             if number == 3:
                 self.log.damage("stripe with a hole", 2)
             yield stamp, np.full((4 * (1 + number // 4), 8, 3), number, np.uint8)
@@ -87,7 +88,14 @@ def test_what_all_readers_share_is_done_for_them(clip: Path) -> None:
     assert (report.frames_declared, report.frames_read, report.damaged) == (5, 5, 2)
     assert not report.complete and report.reader == "stripes"
     said = "; ".join(report.notes)
-    for clause in ("not square (4:3)", "placed at 25 frames/s", "run backwards", "with a hole", "into 4 x 8"):
+    for clause in (
+        "not square (4:3)",
+        "placed at 25 frames/s",
+        "run backwards",
+        "with a hole",
+        "into 4 x 8",
+        "drawn (5 times)",
+    ):
         assert clause in said
     assert StripesVideo.released == [str(clip)]
 

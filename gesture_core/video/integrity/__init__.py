@@ -1,10 +1,10 @@
-"""What a container promised, and what was lost on the way: one door, `Integrity`.
+"""What a container declares against what came out of it, in one class, `Integrity`.
 
-Decoders pass over damage in silence. A packet whose own header is broken leaves nothing but a hole among
-the bytes that were read and a gap in an otherwise constant pace; a broken link in a chain of boxes or
-elements ends the video as its end would. So a reader counts what passes, and at the end asks for the
-comparison with what the container promised: a number of frames where it has a table of samples (mov, avi,
-gif), a duration (Matroska, FLV), and a structure that holds together (`iso`, `matroska`).
+Decoders skip damage without an error. A packet whose own header is broken leaves nothing but a hole among
+the bytes that were read and a gap in an otherwise constant frame rate; a broken link in a chain of boxes or
+elements looks like the end of the video. So a reader counts what passes, and at the end has it compared with
+what the container declares: a number of frames where it has a table of samples (mov, avi, gif), a duration
+(Matroska, FLV), and a structure without contradictions (`iso`, `matroska`).
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _MIN_BYTES_PER_FRAME = 8
 # Containers without a count of frames, whose header is written last and holds the duration, and by how
 # many frames the last packet may miss it: FLV does not say how long packets last.
 _TIMED = {"matroska": 0.6, "flv": 2.5}
-# A recording keeps pace if this share of its intervals differ from their median by less than _JITTER:
-# what a writer's rounding to milliseconds makes. Cameras and browsers that drop frames do not.
+# A frame rate is constant if this share of its intervals differ from their median by less than _JITTER, which
+# is what rounding to milliseconds makes. That of cameras and browsers that drop frames is not.
 _CONSTANT = 0.9
 _JITTER = 0.0016
 _MIN_INTERVALS = 8
@@ -42,7 +42,7 @@ _OVERHANG = 0.25
 
 @dataclass
 class DamageLog:
-    """The running account of what was lost.
+    """What was found damaged or lost so far.
 
     ``damaged`` counts events that prove damage; ``notes`` maps a clause to how often it was noted.
     """
@@ -51,26 +51,20 @@ class DamageLog:
     notes: dict[str, int] = field(default_factory=dict)
 
     def damage(self, clause: str, count: int = 1) -> None:
-        """Say what was damaged; ``count`` is how many packets or frames the clause speaks of."""
+        """Record damage; ``count`` is the number of packets or frames that the clause is about."""
         self.damaged += count
         self.note(clause)
 
     def note(self, clause: str) -> None:
-        """Say something that is worth knowing and harmless; a hostile file cannot say it without end."""
+        """Record what is worth knowing and no damage; the number of different clauses is limited."""
         if clause not in self.notes and len(self.notes) >= MAX_NOTES:
             clause = "and more"
         self.notes[clause] = self.notes.get(clause, 0) + 1
 
-    def clauses(self) -> tuple[str, ...]:
-        """The notes as text, with their count where it is above one."""
-        return tuple(
-            clause if count == 1 else f"{clause} ({count} times)" for clause, count in self.notes.items()
-        )
-
 
 @dataclass
 class Integrity:
-    """Counts of what passed through the demuxer and the decoder, and their comparison with the promise.
+    """Counts of what passed through demuxer and decoder, and their comparison with what the file declares.
 
     A reader that sees packets counts everything and ends with `compare_packets`; one that sees nothing but
     frames counts ``frames`` and ``stamps`` and ends with `compare_frames`. The position of the file is kept.
@@ -81,7 +75,7 @@ class Integrity:
     container : str
         FFmpeg's name.
     log : DamageLog
-        Receives what is missing.
+        Receives what is damaged or missing.
     packets, empty : int
         Packets of the picture stream with data, and without, which repeat the last picture.
     unshown, hidden, refused : int
@@ -128,10 +122,10 @@ class Integrity:
         self.holes += self._read_to is not None and position - self._read_to > _HOLE
         self._last, self._read_to = position, position + size
 
-    def believable_count(self, count: float, rate: float) -> int | None:
-        """The frame count of a header, None where container, rate and file size speak against it.
+    def plausible_count(self, count: float, rate: float) -> int | None:
+        """The frame count of a header, None where container, rate and file size make it implausible.
 
-        For readers whose library says duration times average rate where there is no count.
+        For readers whose library gives duration times average rate where the header has no count.
         """
         position = self.file.tell()
         size = self.file.seek(0, 2)
@@ -139,8 +133,8 @@ class Integrity:
             self.container != "mov" or any(picture_tracks(self.file).values())
         )
         self.file.seek(position)
-        believable = tabled and 0 < rate <= MAX_FPS and 0 < count * _MIN_BYTES_PER_FRAME <= size
-        return int(count) if believable else None
+        plausible = tabled and 0 < rate <= MAX_FPS and 0 < count * _MIN_BYTES_PER_FRAME <= size
+        return int(count) if plausible else None
 
     def compare_packets(
         self,
@@ -152,21 +146,21 @@ class Integrity:
         indexed: int = 0,
         picture_streams: int = 1,
     ) -> None:
-        """Tell the log what is missing, after the last packet.
+        """Record what is missing, after the last packet.
 
         Parameters
         ----------
         declared : int or None
-            Frames that the header promises.
+            Frames that the header declares.
         duration, shown : float, optional
-            Seconds that it promises for all streams, and for the pictures.
+            Seconds that it declares for all streams, and for the pictures.
         track, indexed : int
             In a mov file, number of the picture track and samples in its index, 0 where that is not known.
         picture_streams : int
             Streams of pictures.
         """
         damage = self.log.damage
-        promised = duration if self.container in _TIMED else None
+        length = duration if self.container in _TIMED else None
         position = self.file.tell()
         if self.container == "mov":
             fragments = read_fragments(self.file)
@@ -178,7 +172,7 @@ class Integrity:
             self.trimmed = max(0, declared - indexed) if declared and indexed else 0
             declared = (declared or 0) + fragments.samples.get(track, 0) or None
             if self.hidden or self.trimmed:
-                promised = shown
+                length = shown
                 fault = edit_list_fault(self.file, track)
                 if fault:
                     damage(f"frames hidden by a header that contradicts itself: {fault}")
@@ -191,15 +185,15 @@ class Integrity:
                 damage(f"blocks that gave no packet: {lost}", lost)
             self.holes += blocks.voids
             if blocks.closed:
-                # Sound may end before the header says; a file that is all there has lost nothing for it.
-                promised = None
+                # Sound may end before the declared end, which is no loss in a file that is whole.
+                length = None
         elif self.container == "flv" and picture_streams > 1:
             damage("pictures of a second codec, for which FLV has no room")
         self.file.seek(position)
-        self._compare_counts(declared, promised)
+        self._compare_counts(declared, length)
 
-    def _compare_counts(self, declared: int | None, promised: float | None) -> None:
-        """Frames against those declared, packets against frames, stamps against pace and duration."""
+    def _compare_counts(self, declared: int | None, duration: float | None) -> None:
+        """Frames against those declared, packets against frames, stamps against frame rate and duration."""
         damage, stamps, cut = self.log.damage, self.stamps, self.hidden or self.trimmed
         absent = (declared or 0) - self.trimmed - self.packets - self.empty
         if absent > 0:
@@ -209,7 +203,7 @@ class Integrity:
             damage(f"packets that gave no frame: {silent}", silent)
         lost = gaps(stamps) if self.holes or cut else 0
         if lost:
-            damage(f"gaps in a constant pace, as of {lost} lost frames", lost)
+            damage(f"gaps in a constant frame rate, as of {lost} lost frames", lost)
         intervals = np.diff(stamps)
         backwards = bool((intervals < 0).any())
         if self.holes and backwards:
@@ -224,13 +218,13 @@ class Integrity:
             end, slack = max(stamps) + step, 0.6 * step
             if backwards:
                 damage("hidden packets and time stamps out of order")
-        if promised is not None and promised - end > max(slack, 0.002 * promised):
-            damage(f"ends at {end:.2f} of {promised:.2f} declared seconds")
+        if duration is not None and duration - end > max(slack, 0.002 * duration):
+            damage(f"ends at {end:.2f} of {duration:.2f} declared seconds")
 
     def compare_frames(self, *, declared: int | None, duration: float | None) -> None:
-        """Tell the log what is missing, after the last frame, for a reader that sees no packets.
+        """Record what is missing, after the last frame, for a reader that sees no packets.
 
-        ``declared`` frames come from `believable_count`, ``duration`` in seconds from the header.
+        ``declared`` frames come from `plausible_count`, ``duration`` in seconds from the header.
         """
         position = self.file.tell()
         if self.container == "mov":
@@ -257,12 +251,12 @@ class Integrity:
                 self.log.damage(f"ends at {end:.2f} of {duration:.2f} declared seconds")
         else:
             self.log.note(
-                "the header promises nothing believable; this reader cannot tell whether frames are lost"
+                "the header has no plausible frame count or duration; this reader cannot detect lost frames"
             )
 
 
-def gaps(stamps: Sequence[float]) -> int:
-    """Frames that are absent from a recording of constant pace; 0 where the pace is not constant.
+def gaps(stamps: Sequence[float] | np.ndarray) -> int:
+    """Frames that are absent from a video of constant frame rate; 0 where the rate is not constant.
 
     ``stamps`` are the seconds of its frames, in order.
     """

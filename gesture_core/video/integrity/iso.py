@@ -1,10 +1,10 @@
 """ISO files (mp4, mov, 3gp): their boxes, their fragments, and their edit lists, read without trust.
 
 Boxes: ISO 14496-12, section 4.2. A fragmented file has no table of all samples: it is a chain of boxes, and
-a decoder ends where the chain does. FFmpeg passes over a broken link, and over an end in the middle of one,
-in silence. An edit list hides frames: a trimmed film does so on purpose, a flipped bit by accident. Trimming
-leaves the header consistent: the track is as long as its edits (sections 8.3.2 and 8.6.6), and clocks tick
-at rates that writers use.
+a decoder ends where the chain does. FFmpeg skips a broken link, and an end in the middle of one, without an
+error. An edit list hides frames: that of a trimmed video on purpose, a flipped bit by accident. Trimming
+leaves the header consistent: the track is as long as its edits (sections 8.3.2 and 8.6.6), and clocks have
+rates that writers use.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def picture_tracks(file: BinaryIO) -> dict[int, int]:
                 table = _child(body, b"mdia", b"minf", b"stbl", b"stsz")
                 (found[number],) = struct.unpack_from(">I", table, 8)
     except (struct.error, IndexError):
-        pass  # a track that cannot be read promises nothing
+        pass  # a track that cannot be read declares nothing
     return found
 
 

@@ -1,7 +1,7 @@
 """Whether a Matroska or WebM file is all there: its chain of elements (RFC 8794, RFC 9559).
 
-FFmpeg passes in silence over an element that it does not know and over a block of a track that is not
-there, so that a flipped bit in a block's header costs its frame unseen.
+FFmpeg skips, without an error, an element that it does not know and a block of a track that is not there, so
+that a flipped bit in a block's header loses its frame unnoticed.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _MAX_ELEMENTS = 5_000_000
 @dataclass(frozen=True)
 class Blocks:
     """What a file holds for its demuxer: where the chain breaks, empty where it does not; blocks of all
-    tracks that hold data; stretches among the blocks that are marked as unused; whether the file says how
-    long it is, and is all there.
+    tracks that hold data; stretches among the blocks that are marked as unused; whether the file declares
+    its length, and is whole.
     """
 
     fault: str = ""

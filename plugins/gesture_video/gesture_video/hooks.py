@@ -16,5 +16,5 @@ def register_video_readers(register: Register) -> None:
         "opencv",
         "gesture_video.opencv:OpenCvReader",
         needs=("cv2",),
-        summary="FFmpeg inside OpenCV: notices frames that are missing from a believable count",
+        summary="FFmpeg inside OpenCV: notices frames that are missing from a plausible count",
     )

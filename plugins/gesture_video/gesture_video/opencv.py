@@ -1,7 +1,7 @@
 """Decoding with OpenCV: the built-in fallback where PyAV is not installed.
 
-OpenCV says "no more frames" at a damaged packet exactly as at the end, so this reader asks again a
-few times, and compares what came with what the header promised where the promise is believable.
+OpenCV returns "no more frames" at a damaged packet exactly as at the end, so this reader asks again a
+few times, and compares what came with what the header declares where that is plausible.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _RETRIES = 16
 # What marks a picture track in the header of a container, and what marks other tracks.
 _PICTURE_TRACKS = {"mov": (b"vide", (b"soun", b"subt", b"text")), "matroska": (b"V_", (b"A_", b"S_"))}
 _SEARCHED = 4 << 20
-# Streams without a container have no time stamps; OpenCV says 0 of each frame.
+# Streams without a container have no time stamps; OpenCV gives 0 for each frame.
 _UNTIMED = frozenset({"h264", "hevc", "mpegvideo", "mjpeg"})
 _OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 
@@ -38,7 +38,7 @@ class OpenCvReader:
 
     What it cannot do: see mirrored display matrices; keep the aspect of a picture that changes its size
     half-way (OpenCV stretches it into the first size); notice damage, but for frames that are missing from
-    a believable count.
+    a plausible count.
     """
 
     def open(self, path: Path, limits: VideoLimits) -> OpenCvDecoder:
@@ -74,14 +74,14 @@ class OpenCvDecoder(VideoDecoder):
             width=width,
             height=height,
             codec=codec if codec.isprintable() else "",
-            declared=self._integrity.believable_count(self._get(cv2.CAP_PROP_FRAME_COUNT), fps),
+            declared=self._integrity.plausible_count(self._get(cv2.CAP_PROP_FRAME_COUNT), fps),
             rates=[fps],
             rotation=self._get(cv2.CAP_PROP_ORIENTATION_META),
             pixel_aspect=(across, down) if across > 0 and down > 0 else (1, 1),
         )
 
     def _unopened(self) -> MediaError:
-        """OpenCV does not say why it fails; a container that names no picture track is told apart here."""
+        """The error for a file that OpenCV, which gives no reasons, does not open."""
         mark, others = _PICTURE_TRACKS.get(self.container, (b"", ()))
         if mark and hasattr(os, "pread"):
             descriptor = self.file.fileno()

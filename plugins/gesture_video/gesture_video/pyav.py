@@ -1,7 +1,7 @@
 """Decoding with PyAV: real time stamps, rotation and mirroring, and a full account of damage.
 
 What counts as damage: packets that the demuxer marks corrupt, errors that the demuxer or the decoder
-raises or logs, frames that the decoder marks as concealed, packets that the sample table promises and
+raises or logs, frames that the decoder marks as concealed, packets that the sample table declares and
 the file lacks, and packets from which no frame came.
 """
 
@@ -348,14 +348,14 @@ def _errors_are_logged() -> Iterator[None]:
 
 
 def _refuse(url: str, flags: int, options: object) -> NoReturn:
-    """What FFmpeg is given to open further files with."""
+    """Called where FFmpeg would open a further file."""
     raise ValueError(f"a media file may not open {url!r}")
 
 
 def _orientation(frame: VideoFrame) -> tuple[float, bool]:
-    """Clockwise rotation in degrees, and whether to mirror after it, as the frame's display matrix says.
+    """Clockwise rotation in degrees, and whether to mirror after it, from the frame's display matrix.
 
-    Its matrix (a, b, c, d) shows the point (x, y) of the stored picture at (a x + c y, b x + d y);
+    The matrix (a, b, c, d) shows the point (x, y) of the stored picture at (a x + c y, b x + d y);
     ISO 14496-12, section 8.2.2.
     """
     side_data = cast("SideDataContainer", frame.side_data)
