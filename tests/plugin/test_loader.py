@@ -210,11 +210,7 @@ def test_check_finds_what_only_making_a_plugin_shows(tmp_path: Path) -> None:
     checked = gesture("plugins", "--check", path=tmp_path)
     assert checked.returncode == 3
     shown = " ".join(checked.stdout.split())
-<<<<<<< HEAD
     assert "its constructor takes no 'model'" in shown
-=======
-    assert "must take model, as every pose backend does" in shown
->>>>>>> pose
     assert "raised LookupError: nothing here" in shown
     assert "it has no normalize, as every normalizer does" in shown
     (needy,) = (line for line in checked.stdout.splitlines() if " needy " in line)
