@@ -105,12 +105,10 @@ FOR_KERNELS = {
     "types",
 }
 PUBLIC_FOR = {
-<<<<<<< HEAD
     "gesture_dtw_jax": FOR_KERNELS,
     "gesture_dtw_numba": FOR_KERNELS,
     "gesture_dtw_numpy": FOR_KERNELS,
     "gesture_dtw_torch": FOR_KERNELS,
-=======
     "gesture_pose_files": {
         "errors",
         "files",
@@ -122,7 +120,6 @@ PUBLIC_FOR = {
     },
     "gesture_pose_onnx": {"errors", "plugin.hooks", "pose"},
     "gesture_pose_opencv": {"errors", "plugin.hooks", "pose"},
->>>>>>> pose
     "gesture_signals": {"errors", "plugin.hooks", "signals.body", "types"},
     "gesture_video": {"errors", "plugin.hooks", "plugin.interfaces", "video"},
 }
