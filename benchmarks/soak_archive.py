@@ -18,7 +18,7 @@ _GROWTH_MIB = 32
 
 def archive(folder: Path, count: int, seed: int) -> int:
     """Classify ``count`` videos; print the marks; 1 where memory grew or rows are missing."""
-    sys.path[:0] = [str(TESTS), str(TESTS / "archive")]
+    sys.path[:0] = [str(TESTS), str(TESTS / "run")]
     from troubles import make_site, with_site, write_video
 
     site = make_site(folder / "site")
@@ -28,7 +28,7 @@ def archive(folder: Path, count: int, seed: int) -> int:
         path = folder / "videos" / f"{number // 1000:03d}" / f"{number:06d}.avi"
         write_video(path, _WIDTH, 8 + (number * 7 + seed) % 40, number % 2 == 0, number)
     started = time.monotonic()
-    script = [sys.executable, str(TESTS / "archive" / "many_videos.py"), folder / "videos"]
+    script = [sys.executable, str(TESTS / "run" / "many_videos.py"), folder / "videos"]
     run = subprocess.Popen(
         [*script, folder / "examples", folder / "run"],
         env={**with_site(site), "GESTURE_CACHE": str(folder / "cache")},

@@ -18,7 +18,7 @@ _RUNS_BETWEEN_LINES = 20
 
 def kills(folder: Path, count: int, seed: int) -> int:
     """Kill ``count`` times; print how; an AssertionError names the first run that ended otherwise."""
-    sys.path[:0] = [str(TESTS), str(TESTS / "archive")]
+    sys.path[:0] = [str(TESTS), str(TESTS / "run")]
     from kill_points import Victim
     from troubles import write_archive
 

@@ -17,7 +17,7 @@ from queue import Empty, Queue
 from threading import Thread
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
-FOLDERS = [str(TESTS), str(TESTS / "archive"), str(TESTS / "media")]
+FOLDERS = [str(TESTS), str(TESTS / "run"), str(TESTS / "media")]
 SECONDS = 2.0
 _MODEL_SECONDS = 60.0
 _SHARE_OF_MODELS = 4
@@ -97,7 +97,7 @@ class _Models:
     def _start(self) -> None:
         path = os.pathsep.join([*FOLDERS, *filter(None, [os.environ.get("PYTHONPATH")])])
         self._process = subprocess.Popen(
-            [sys.executable, str(TESTS / "archive" / "library_fuzz.py")],
+            [sys.executable, str(TESTS / "run" / "library_fuzz.py")],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

@@ -92,7 +92,7 @@ def _clips(folder: Path, shared: Path) -> Iterator[tuple[str, bytes, int]]:
     """(suffix, bytes, frames) of healthy clips: our own, and those of other makers where present."""
     from clips import make_clips
 
-    from gesture_core.video.reader import open_video
+    from gesture_core.video import open_video
 
     for clip in make_clips(folder):
         yield f".{clip.container}", clip.data, clip.frames

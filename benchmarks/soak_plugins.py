@@ -26,7 +26,7 @@ LIMITS = ("--set", "limits.seconds=15", "--set", "limits.memory=700")
 
 def plugins(folder: Path, count: int, seed: int) -> int:
     """Classify ``count`` inputs for each of `BAD`; print a line for each; the number of faults."""
-    sys.path[:0] = [str(TESTS), str(TESTS / "archive")]
+    sys.path[:0] = [str(TESTS), str(TESTS / "run")]
     from troubles import CHAIN, classify, make_site, write_archive, write_video
 
     os.environ["GESTURE_CACHE"] = str(folder / "cache")

@@ -24,7 +24,7 @@ from gesture_core.plugin.interfaces import PoseBackend
 from gesture_core.pose.extract import extract_poses, open_backend
 from gesture_core.settings import load_settings
 from gesture_core.types import PoseSequence
-from gesture_core.video.reader import open_video
+from gesture_core.video import open_video
 
 
 def video_of(item: Item, shared: Path) -> Path:

@@ -14,7 +14,7 @@ from gesture_core.cli.main import run
 from gesture_core.demo.archive import write_archive
 from gesture_core.report.overlay import overlay
 from gesture_core.report.plots import new_figure
-from gesture_core.video.reader import open_video
+from gesture_core.video import open_video
 
 IMAGES = Path(__file__).resolve().parent / "images"
 MOMENT = 0.45

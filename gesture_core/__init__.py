@@ -19,9 +19,9 @@ _PUBLIC = {
     "Prediction": "gesture_core.types",
     "SignalBatch": "gesture_core.types",
     "Signals": "gesture_core.types",
-    "classify_archive": "gesture_core.run.api",
+    "classify_archive": "gesture_core.run.archive",
     "hookimpl": "gesture_core.plugin.hooks",
-    "load_poses": "gesture_core.run.api",
+    "load_poses": "gesture_core.run.archive",
     "warping_distances": "gesture_core.dtw.distances",
 }
 

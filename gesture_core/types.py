@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal
 
 import numpy as np
 
-from gesture_core.errors import InputError, KeypointError, SignalError
+from gesture_core.errors import GestureError, InputError, KeypointError, SignalError
+from gesture_core.files import printable
 from gesture_core.skeletons import COCO18, skeleton, to_coco18
 
 Status = Literal["ok", "degraded", "rejected", "skipped", "error"]
@@ -363,3 +365,143 @@ class Prediction:
     selected: tuple[str, ...] = ()
     code: str = ""
     message: str = ""
+
+
+_LONGEST = 10_000
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of the result.
+
+    Attributes
+    ----------
+    input : str
+        The path as the user named it, ``path::member`` for a sequence inside a file.
+    sha256 : str
+        Of the content; empty where it could not be read.
+    person : int
+        Track number; 0 for the first or only one.
+    label : str or None
+        The gesture; only rows with the status ``ok`` or ``degraded`` have one.
+    distance : float or None
+    margin : float or None
+    neighbors : tuple of (example, label, distance)
+        As in `Prediction`.
+    status : str
+        ``ok``, ``degraded``, ``rejected``, ``skipped`` or ``error``.
+    code, message : str
+        Why, where the status is not ``ok``.
+    frames_declared : int or None
+        What the container claims.
+    frames_read, frames_with_pose : int
+    seconds : float
+        Length of what was read.
+    selected : tuple of str
+        Salient channels.
+    attempts : int
+    plugin : str
+        What found the keypoints: distribution and version.
+    fingerprint : str
+        Of everything that produced the row.
+    """
+
+    input: str
+    sha256: str = ""
+    person: int = 0
+    label: str | None = None
+    distance: float | None = None
+    margin: float | None = None
+    neighbors: tuple[tuple[str, str, float], ...] = ()
+    status: Status = "error"
+    code: str = ""
+    message: str = ""
+    frames_declared: int | None = None
+    frames_read: int = 0
+    frames_with_pose: int = 0
+    seconds: float = 0.0
+    selected: tuple[str, ...] = ()
+    attempts: int = 1
+    plugin: str = ""
+    fingerprint: str = ""
+
+    def as_record(self) -> dict[str, Any]:
+        """The row as scalars: ``neighbors`` as JSON, ``selected`` joined by spaces, all text valid UTF-8."""
+        record = asdict(self)
+        record["neighbors"] = json.dumps(self.neighbors, ensure_ascii=False)
+        record["selected"] = " ".join(self.selected)
+        if len(self.message) > _LONGEST:  # a plugin's error may be of any length
+            record["message"] = f"{self.message[:_LONGEST]}…"
+        return {name: printable(value) if isinstance(value, str) else value for name, value in record.items()}
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Row:
+        """The inverse of `as_record`."""
+        values = {name: record[name] for name in COLUMNS}
+        values["neighbors"] = tuple((e, label, d) for e, label, d in json.loads(record["neighbors"]))
+        values["selected"] = tuple(record["selected"].split())
+        return cls(**values)
+
+
+COLUMNS: tuple[str, ...] = tuple(f.name for f in fields(Row))
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is the same for every task of a run, as plain values: it goes through a pipe as JSON.
+
+    Attributes
+    ----------
+    settings : mapping
+        From `Settings.as_dict`.
+    store : str
+        Folder of the keypoint store.
+    keys : mapping
+        Hashes of what decides the keypoints, parts of names in the store.
+    threads : int
+        Of one worker's numeric libraries.
+    """
+
+    settings: Mapping[str, Any]
+    store: str
+    keys: Mapping[str, str] = field(default_factory=dict)
+    threads: int = 1
+
+
+@dataclass(frozen=True)
+class Task:
+    """One call of a worker function (`gesture_core.run.workers.functions`), by its name.
+
+    Attributes
+    ----------
+    number : int
+        Position among the tasks that were handed over together.
+    function : str
+    arguments : mapping
+        Plain values, fit for JSON.
+    """
+
+    number: int
+    function: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a task: a value, or an error.
+
+    Attributes
+    ----------
+    number : int
+        The task's.
+    value : object
+        Plain values, fit for JSON.
+    error : GestureError or None
+    attempts : int
+        2 where the first attempt ended its process.
+    """
+
+    number: int
+    value: Any = None
+    error: GestureError | None = None
+    attempts: int = 1

@@ -50,7 +50,7 @@ def gesture(
     """Run the command line in a process of its own, with ``path`` on PYTHONPATH."""
     full = os.environ | environment | ({"PYTHONPATH": str(path)} if path else {})
     return subprocess.run(
-        [sys.executable, "-m", "gesture_core", *map(os.fspath, arguments)],
+        [sys.executable, "-m", "gesture_core", *(os.fspath(argument) for argument in arguments)],
         capture_output=True,
         text=True,
         errors="surrogateescape",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -13,15 +14,15 @@ from conftest import ROOT
 CORE = ROOT / "gesture_core"
 HEAVY = {"jax", "torch", "cv2", "onnxruntime", "numba", "pyarrow", "av", "sklearn", "matplotlib"}
 FLOORS = [
-    {"errors", "paths", "__init__"},
+    {"errors", "files", "__init__"},
     {"skeletons"},
     {"dtw.spec"},
     {"types", "plugin"},
     {"settings"},
     {"video", "pose", "signals", "dtw", "demo"},
-    {"classify", "testing"},
+    {"classify"},
     {"run"},
-    {"report"},
+    {"report", "testing"},
     {"cli", "__main__"},
 ]
 
@@ -89,6 +90,31 @@ def test_plugins_import_neither_each_other_nor_the_upper_floors(path: Path) -> N
             assert name.split(".")[0] == own, name
         if name.startswith("gesture_core."):
             assert floor(name.removeprefix("gesture_core.")) <= floor("dtw"), name
+
+
+PUBLIC_FOR = {
+    "gesture_signals": {"errors", "plugin.hooks", "signals.body", "types"},
+    "gesture_video": {"errors", "plugin.hooks", "plugin.interfaces", "video"},
+}
+"""Modules below ``gesture_core`` from which a plugin may import what their ``__all__`` lists, or all where
+there is none."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [path for path in PLUGIN_FILES if path.parent.name in PUBLIC_FOR],
+    ids=lambda p: str(p.relative_to(ROOT / "plugins")),
+)
+def test_plugins_import_only_what_is_public_for_their_kind(path: Path) -> None:
+    modules = {f"gesture_core.{name}" for name in PUBLIC_FOR[path.parent.name]}
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            assert not [alias.name for alias in node.names if alias.name.startswith("gesture_core")]
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("gesture_core"):
+            assert node.module in modules, node.module
+            public = getattr(import_module(node.module), "__all__", None)
+            names = {alias.name for alias in node.names}
+            assert names <= set(public) if public else not any(name.startswith("_") for name in names), names
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "plugins").glob("*/*/hooks.py")), ids=lambda p: p.parent.name)

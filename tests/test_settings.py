@@ -9,8 +9,8 @@ import pytest
 
 from gesture_core.dtw.spec import BandMask
 from gesture_core.errors import ConfigError
+from gesture_core.plugin.interfaces import VideoLimits
 from gesture_core.settings import LimitSettings, Settings, load_settings, presets, settings_from_dict
-from gesture_core.video.limits import Limits
 
 
 def load(*sets: str, preset: str | Path | None = "paper", environment: dict[str, str] | None = None, **flags):  # type: ignore[no-untyped-def]
@@ -107,8 +107,9 @@ def test_defaults_are_frozen() -> None:
 
 
 def test_the_limits_of_a_video_are_those_of_the_settings() -> None:
-    assert Limits() == Limits.of(LimitSettings())
-    assert Limits.of(LimitSettings(pixels=7, frames=9)) == Limits(max_pixels=7, max_frames=9)
+    limits = LimitSettings()
+    assert VideoLimits() == VideoLimits(limits.pixels, limits.frames)
+    assert VideoLimits(7, 9) == VideoLimits(max_pixels=7, max_frames=9)
 
 
 def test_an_option_of_another_preset_is_told_where_it_lives() -> None:

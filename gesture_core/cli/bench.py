@@ -162,7 +162,7 @@ def _drawn(count: int) -> list[Signals]:
 
 def _own(sources: tuple[str, ...], settings: Any) -> list[Signals]:
     """The signals of the user's own data."""
-    from gesture_core.run.api import load_poses
+    from gesture_core.run.archive import load_poses
     from gesture_core.signals.chain import Chain
 
     chain = Chain.from_settings(settings)

@@ -11,7 +11,8 @@ from cyclopts import Parameter
 from gesture_core.cli.flags import Flags, PoseFlags, RunFlags
 from gesture_core.cli.progress import progress, say_event
 from gesture_core.cli.screen import counted, print_rows, say_assumed, visible
-from gesture_core.run.run import RunRequest, RunSummary
+from gesture_core.run.pipeline import RunSummary
+from gesture_core.run.plan import RunRequest
 
 _CLASSES_SHOWN = 30
 

@@ -15,7 +15,7 @@ from gesture_core.cli.progress import progress
 from gesture_core.cli.screen import result_table
 from gesture_core.cli.targets import check_folder
 from gesture_core.errors import ModelError
-from gesture_core.run.run import RunRequest
+from gesture_core.run.plan import RunRequest
 
 
 def demo(

@@ -23,7 +23,7 @@ _NAMED = 5
 
 if TYPE_CHECKING:
     from gesture_core.classify.evaluation import Labelled
-    from gesture_core.run.discovery import Input
+    from gesture_core.run.inputs import Input
     from gesture_core.settings import Settings
 
 
@@ -131,7 +131,7 @@ def _grid(texts: Sequence[str]) -> list[dict[str, Any]]:
 
 def _labelled(sources: Sequence[str], labels: str, out: Path | None) -> list[Input]:
     """The inputs with their labels; those that cannot be read are among them and count as wrong."""
-    from gesture_core.run.discovery import discover
+    from gesture_core.run.inputs import discover
     from gesture_core.run.labels import label_inputs
 
     every = discover(sources, avoid=out)
@@ -225,23 +225,19 @@ def _load(
     from gesture_core.classify.evaluation import Labelled
     from gesture_core.cli.keypoints import people_of
     from gesture_core.run.fingerprint import pose_identity
-    from gesture_core.run.probe import require_model
     from gesture_core.types import PoseSequence
 
     videos = any(item.kind == "video" for item in items)
     identity = pose_identity(settings, videos)
-    if videos:
-        require_model(settings, identity)
     poses: list[PoseSequence | GestureError] = [
         InputError(item.fault, subject=item.name, code=item.code or None) for item in items
     ]
     hashes = [""] * len(items)
-    readable = [number for number, item in enumerate(items) if item.kind != "broken"]
-    chosen = [items[number] for number in readable]
+    chosen = [item for item in items if item.kind != "broken"]
     assumed: Counter[str] = Counter()
-    for place, outcome, people in people_of(chosen, settings, identity=identity, workers=workers):
-        number = readable[place]
-        name = items[number].name
+    places = {item.key: number for number, item in enumerate(items)}
+    for item, outcome, people in people_of(chosen, settings, identity=identity, workers=workers):
+        number, name = places[item.key], item.name
         hashes[number] = outcome.sha256
         assumed.update([outcome.assumed] if outcome.assumed else [])
         if outcome.code:

@@ -23,10 +23,9 @@ if TYPE_CHECKING:
 
     from gesture_core.classify.estimator import GestureClassifier
     from gesture_core.classify.explanation import Explanation
-    from gesture_core.run.discovery import Input
-    from gesture_core.run.rows import Row
+    from gesture_core.run.inputs import Input
     from gesture_core.settings import Settings
-    from gesture_core.types import PoseSequence, Signals
+    from gesture_core.types import PoseSequence, Row, Signals
 
 
 Channels = Annotated[Whole, Parameter(validator=validators.Number(gte=1))]
@@ -52,9 +51,9 @@ def explain(
     """
     from gesture_core.classify.explanation import explain as explain_row
     from gesture_core.report.explanation import explanation_plot
-    from gesture_core.run.journal import open_journal
+    from gesture_core.run.results import open_results
 
-    with open_journal(run) as journal:
+    with open_results(run) as journal:
         rows = list(journal.rows())
         row = _row(rows, input, person)
         configuration = json.loads(journal.get("configuration") or "{}")
@@ -139,8 +138,8 @@ def _keypoints(hashes: dict[str, str], settings: Settings) -> dict[str, list[Pos
 
     items = _inputs(hashes)
     people: dict[str, list[PoseSequence]] = {}
-    for number, outcome, found in people_of(items, settings, quiet=not sys.stderr.isatty()):
-        name = items[number].name
+    for item, outcome, found in people_of(items, settings, quiet=not sys.stderr.isatty()):
+        name = item.name
         if outcome.sha256 and outcome.sha256 != hashes[name]:
             raise InputError(
                 "has changed since the run",
@@ -155,7 +154,7 @@ def _keypoints(hashes: dict[str, str], settings: Settings) -> dict[str, list[Pos
 
 def _inputs(names: Iterable[str]) -> list[Input]:
     """The inputs that a run calls so; each container is looked into once."""
-    from gesture_core.run.discovery import discover
+    from gesture_core.run.inputs import discover
 
     wanted = set(names)
     paths = dict.fromkeys(name.partition("::")[0] for name in names)

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from gesture_core.cli.targets import check_file
 from gesture_core.errors import ConfigError
 from gesture_core.plugin import registry
-from gesture_core.run.exporting import export_rows
+from gesture_core.run.export import export_rows
 from gesture_core.settings import load_settings
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gesture_core.run.discovery import Input
-    from gesture_core.run.work import Outcome
+    from gesture_core.run.inputs import Input
+    from gesture_core.run.workers.keypoints import Extracted
     from gesture_core.settings import Settings
     from gesture_core.types import PoseSequence
 
@@ -19,7 +19,7 @@ def people_of(
     identity: Mapping[str, Any] | None = None,
     workers: int = 0,
     quiet: bool = False,
-) -> Iterator[tuple[int, Outcome, list[PoseSequence]]]:
+) -> Iterator[tuple[Input, Extracted, list[PoseSequence]]]:
     """Everybody in each of ``items``, from the keypoint store or extracted in worker processes.
 
     Parameters
@@ -36,22 +36,20 @@ def people_of(
 
     Yields
     ------
-    (position in ``items``, Outcome, list of PoseSequence)
-        As they come, in any order. The list is empty where the outcome has a code, or nobody was found.
+    (Input, Extracted, list of PoseSequence)
+        As they come, in any order. The list is empty where there is an error, or nobody was found.
     """
     from gesture_core.cli.progress import progress
-    from gesture_core.run.extraction import extract_all
-    from gesture_core.run.run import keypoint_store
-    from gesture_core.run.store import read_keypoints
+    from gesture_core.run.extract import extract_all
+    from gesture_core.run.store import keypoint_store, read_keypoints
 
     with progress(quiet=quiet) as listener:
         listener.planned(len(items), len(items), 0, "")
-        for outcome in extract_all(
+        for item, found in extract_all(
             items, settings, identity=identity, workers=workers, on_frames=listener.frames
         ):
-            name = items[outcome.number].name
-            listener.extracted(name, outcome.cached)
+            listener.extracted(item.name, found.cached)
             people: list[PoseSequence] = []
-            if not outcome.code:
-                people = read_keypoints(keypoint_store() / outcome.stored, name).sequences
-            yield outcome.number, outcome, people
+            if not found.code:
+                people = read_keypoints(keypoint_store() / found.stored, item.name).sequences
+            yield item, found, people

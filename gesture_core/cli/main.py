@@ -48,7 +48,7 @@ _COMMANDS = {
     "demo": "Run the main job on an archive that the package draws itself.",
 }
 for _name, _help in _COMMANDS.items():
-    _target = "app" if _name == "models" else _name
+    _target = "app" if _name in ("models", "plugins") else _name
     app.command(f"gesture_core.cli.{_name}:{_target}", name=_name, help=_help)
 
 

@@ -25,7 +25,7 @@ app = cyclopts.App(
 def list_models() -> int:
     """List the networks that are here, and the public ones that can be added."""
     from gesture_core.cli.screen import print_table
-    from gesture_core.paths import models_dir
+    from gesture_core.files import models_dir
     from gesture_core.pose.added import added_names, read_card
     from gesture_core.pose.known import known_models
     from gesture_core.pose.models import find_model

@@ -1,26 +1,39 @@
-"""``gesture plugins``: what is installed, where it comes from, whether it works."""
+"""``gesture plugins``: what is installed, where it comes from, whether it works; and a new one."""
 
 from __future__ import annotations
 
 import inspect
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
+import cyclopts
+from cyclopts import Parameter
+
 from gesture_core.cli.flags import UNSAID
-from gesture_core.cli.screen import print_table
-from gesture_core.errors import PluginError
+from gesture_core.cli.screen import print_table, visible
+from gesture_core.errors import GestureError, MissingDependencyError, ModelError, PluginError, PoseError
 from gesture_core.plugin import registry
-from gesture_core.plugin.interfaces import KINDS
+from gesture_core.plugin.interfaces import INTERFACES, KINDS
 from gesture_core.plugin.registry import Registration, Registry
 from gesture_core.settings import load_settings
 from gesture_core.settings.values import near
 
 _PARAMETERS = "Parameters\n"
 
+app = cyclopts.App(
+    name="plugins",
+    help="List every plugin, its kind, origin and status.",
+    help_format="plaintext",
+    default_parameter=Parameter(negative=()),
+)
 
-def plugins(name: Annotated[str, UNSAID] = "", /, *, check: Annotated[bool, UNSAID] = False) -> int:
+
+@app.default
+def list_plugins(name: Annotated[str, UNSAID] = "", /, *, check: Annotated[bool, UNSAID] = False) -> int:
     """List every plugin, its kind, origin and status.
 
     Parameters
@@ -28,7 +41,7 @@ def plugins(name: Annotated[str, UNSAID] = "", /, *, check: Annotated[bool, UNSA
     name
         Only this plugin, with the options that it takes.
     check
-        Import every plugin to see whether it works; exit with 3 where one does not.
+        Import and make every plugin to see whether it works; exit with 3 where one does not.
     """
     found = registry()
     if name:
@@ -49,6 +62,25 @@ def plugins(name: Annotated[str, UNSAID] = "", /, *, check: Annotated[bool, UNSA
     return 3 if check and broken else 0
 
 
+@app.command
+def new(
+    kind: Annotated[str, Parameter(help=f"What it is: {', '.join(KINDS)}.")],
+    name: Annotated[str, Parameter(help="Lower-case letters, digits and hyphens.")],
+    /,
+    *,
+    out: Annotated[Path, Parameter(help="The folder in which its own folder is made.")] = Path(),
+) -> int:
+    """Write a new plugin: a distribution gesture-NAME with a working example, whose tests pass."""
+    from gesture_core.plugin.template import write_plugin
+
+    folder, *files = write_plugin(kind, name, out)
+    print(f"{visible(str(folder))}/")
+    for file in files:
+        print(f"  {file.relative_to(folder)}")
+    print(f"next: pip install -e {shlex.quote(str(folder))}, then: gesture plugins {name}")
+    return 0
+
+
 def _status(found: Registry, entry: Registration, *, check: bool) -> str:
     if len(found.entries[entry.kind, entry.name]) > 1:
         return "ambiguous"
@@ -57,10 +89,53 @@ def _status(found: Registry, entry: Registration, *, check: bool) -> str:
     if not check:
         return "ok"
     try:
-        found.load(entry.kind, entry.name)
-    except PluginError as error:
+        _make(found, entry)
+    except (ModelError, PoseError):  # a backend may need another network than the one that it is given here
+        return "ok"
+    except MissingDependencyError as error:
+        return error.cause
+    except GestureError as error:
         return f"broken: {error.cause}"
+    except OSError as error:
+        return f"broken: {error}"
     return "ok"
+
+
+def _make(found: Registry, entry: Registration) -> None:
+    """Import a plugin, and make one of it where the program knows all that it needs.
+
+    Raises
+    ------
+    GestureError, OSError
+        Whatever is wrong with it, such as a pose backend that takes no ``model``.
+    """
+    from gesture_core.pose.models import find_model
+
+    target, kind = found.load(entry.kind, entry.name), KINDS[entry.kind]
+    try:
+        signature = inspect.signature(target)
+    except (TypeError, ValueError):  # a class of another language says nothing of itself
+        return
+    try:
+        signature.bind_partial(**dict.fromkeys(kind.given))
+    except TypeError as error:
+        cause = f"it must take {' and '.join(kind.given)}, as every {kind.title} does: {error}"
+        raise PluginError(cause) from error
+    try:
+        signature.bind(**dict.fromkeys(kind.given))
+    except TypeError:  # an option without a default is for the user to give
+        return
+    settings = load_settings()
+    values: dict[str, Any] = {}
+    if "model" in kind.given:
+        values["model"] = find_model(settings.pose.model)
+    if "workers" in kind.given:
+        values |= {"workers": 1, "limits": settings.limits}
+    made, interface = found.make(entry.kind, entry.name, {}, **values), INTERFACES[entry.kind]
+    wanted = [name for name in {**vars(interface), **interface.__annotations__} if not name.startswith("_")]
+    absent = sorted(name for name in wanted if not hasattr(made, name))
+    if absent:
+        raise PluginError(f"it has no {' and no '.join(absent)}, as every {kind.title} does")
 
 
 def _show(found: Registry, name: str) -> None:

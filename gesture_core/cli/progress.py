@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from gesture_core.cli.screen import visible
-from gesture_core.run.rows import Row
-from gesture_core.run.run import Listener
+from gesture_core.run.pipeline import Listener
+from gesture_core.types import Row
 
 _SECONDS_BETWEEN_LINES = 2.0
 

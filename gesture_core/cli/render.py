@@ -37,9 +37,9 @@ def render(
     overwrite
         Replace a file that is there.
     """
+    from gesture_core.plugin.interfaces import VideoLimits
     from gesture_core.report.overlay import can_write_video, overlay, write_strip, write_video
-    from gesture_core.video.limits import Limits
-    from gesture_core.video.reader import open_video
+    from gesture_core.video import open_video
 
     settings = (flags or PoseFlags()).settings()
     if people is not None:
@@ -48,8 +48,8 @@ def render(
     _check(video, target, overwrite=overwrite, can_write_video=can_write_video())
     found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
-    limits = Limits.of(settings.limits)
-    with open_video(video, settings.pose.reader, limits) as frames:
+    limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
+    with open_video(video, settings.pose.reader, limits, settings.options) as frames:
         write = write_video if target.suffix.lower() == ".mp4" else write_strip
         count = write(overlay(frames, found), target)
     longest = max(sequence.frames_with_pose for sequence in found)
@@ -65,7 +65,7 @@ def render(
 def _people(video: Path, settings: Settings) -> list[PoseSequence]:
     """Everybody in the video, from the keypoint store or extracted in a worker process."""
     from gesture_core.cli.keypoints import people_of
-    from gesture_core.run.discovery import discover
+    from gesture_core.run.inputs import discover
 
     items = discover([video])
     if len(items) != 1 or items[0].kind != "video":

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
-    from gesture_core.run.rows import Row
+    from gesture_core.types import Row
 
 _ROWS_SHOWN = 60
 _REASONS_SHOWN = 20
@@ -45,7 +45,7 @@ def print_table(
 def print_rows(rows: Sequence[Row], *, classified: bool = True) -> None:
     """The result: a table and what went wrong on a terminal, JSON lines otherwise."""
     if not sys.stdout.isatty():
-        from gesture_core.run.writers import json_line
+        from gesture_core.run.export import json_line
 
         for row in rows:
             print(json_line(row.as_record()))

@@ -20,7 +20,15 @@ class Register(Protocol):
     """The function that a hook receives."""
 
     def __call__(
-        self, name: str, target: str, *, needs: Sequence[str] = (), extra: str = "", summary: str = ""
+        self,
+        name: str,
+        target: str,
+        *,
+        needs: Sequence[str] = (),
+        extra: str = "",
+        summary: str = "",
+        suffixes: Sequence[str] = (),
+        folders: bool = False,
     ) -> None:
         """Announce a plugin without importing it.
 
@@ -36,7 +44,17 @@ class Register(Protocol):
             What to ``pip install`` when one of them is.
         summary : str
             One line for `gesture plugins`.
+        suffixes : sequence of str
+            Of a keypoint reader: what the names of its files end in, such as ``.csv``; without any, it is
+            asked about every file that is no video.
+        folders : bool
+            Of a keypoint reader: a folder of files may be one input.
         """
+
+
+@hookspec
+def register_video_readers(register: Register) -> None:
+    """Decoders of video files (`VideoReader`)."""
 
 
 @hookspec

@@ -10,14 +10,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
+from gesture_core.errors import ConfigError
+
 if TYPE_CHECKING:
     from pathlib import Path
 
     import numpy as np
 
     from gesture_core.dtw.spec import DtwSpec
-    from gesture_core.run.work import Job, Outcome, Task
-    from gesture_core.types import PoseSequence, SignalBatch, Signals
+    from gesture_core.types import Job, Outcome, PoseSequence, SignalBatch, Signals, Task
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class Kind:
 KINDS: Mapping[str, Kind] = {
     kind.name: kind
     for kind in (
+        Kind("video", "register_video_readers", "video reader"),
         Kind("pose", "register_pose_backends", "pose backend", ("model",)),
         Kind("reader", "register_keypoint_readers", "keypoint reader"),
         Kind("normalizer", "register_normalizers", "normalizer"),
@@ -46,6 +48,143 @@ KINDS: Mapping[str, Kind] = {
         Kind("engine", "register_engines", "execution engine", ("workers", "limits")),
     )
 }
+
+# ---- video readers
+
+
+@dataclass(frozen=True)
+class VideoLimits:
+    """What one video may cost at most.
+
+    Attributes
+    ----------
+    max_pixels : int
+        Width times height of a frame; the default is that of the setting ``limits.pixels``.
+    max_frames : int
+        Frames that are decoded; the default is that of the setting ``limits.frames``.
+    max_seconds : float
+        Time stamp of the last frame, in seconds; the default is six hours.
+    max_streams : int
+        Streams that a container may announce.
+    """
+
+    max_pixels: int = 64_000_000
+    max_frames: int = 200_000
+    max_seconds: float = 6 * 3600.0
+    max_streams: int = 64
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not value > 0:
+                raise ConfigError(f"{name} is {value!r}, it must be above zero", code="E_OPTION")
+
+
+@dataclass(frozen=True)
+class VideoInfo:
+    """What the container says of its video stream.
+
+    Attributes
+    ----------
+    width, height : int
+        Pixels of the upright picture.
+    frames_declared : int or None
+        Number of frames that the header claims, None where it claims none or nonsense. Never
+        used to allocate anything.
+    fps : float or None
+        Average frames a second, None where the container does not say.
+    rotation : int
+        Degrees clockwise by which stored pictures are turned to stand upright: 0, 90, 180, 270.
+    codec : str
+        FFmpeg's name of the codec, or its four-character code.
+    container : str
+        FFmpeg's name of the container format.
+    reader : str
+        Name of the video reader.
+    mirrored : bool
+        The stored pictures are also flipped left to right, after the rotation.
+    """
+
+    width: int
+    height: int
+    frames_declared: int | None
+    fps: float | None
+    rotation: int
+    codec: str
+    container: str
+    reader: str
+    mirrored: bool = False
+
+
+@dataclass(frozen=True)
+class VideoReport:
+    """What became of a video.
+
+    Attributes
+    ----------
+    frames_declared : int or None
+        As in `VideoInfo`.
+    frames_read : int
+        Frames that were handed out.
+    damaged : int
+        Corrupt packets and frames, decoding errors, and frames that are known to be lost.
+    complete : bool
+        The video was read to its end and nothing was found damaged or missing.
+    notes : tuple of str
+        What was found, one clause each.
+    reader : str
+        Name of the video reader.
+    """
+
+    frames_declared: int | None
+    frames_read: int
+    damaged: int
+    complete: bool
+    notes: tuple[str, ...] = ()
+    reader: str = ""
+
+
+class Video(Protocol):
+    """One open video: a context manager that is iterated once.
+
+    Iterating yields ``(seconds, frame)``: seconds from the start of the stream, finite, never
+    decreasing, and (H, W, 3) uint8 in BGR, upright. Every frame has the size that ``info`` states.
+    """
+
+    @property
+    def info(self) -> VideoInfo:
+        """Known as soon as the video is open."""
+        ...
+
+    @property
+    def report(self) -> VideoReport:
+        """What was read so far; after the last frame, whether that was all."""
+        ...
+
+    def __iter__(self) -> Iterator[tuple[float, np.ndarray]]: ...
+
+    def __enter__(self) -> Video: ...
+
+    def __exit__(self, *error: object) -> None: ...
+
+
+@runtime_checkable
+class VideoReader(Protocol):
+    """Opens videos. Where what it needs is absent or too old, its construction raises a
+    MissingDependencyError, and ``pose.reader = auto`` passes on to the next reader.
+
+    `gesture_core.video.VideoDecoder` is a base for what `open` returns: it opens the file safely and
+    does what all readers share.
+    """
+
+    def open(self, path: Path, limits: VideoLimits) -> Video:
+        """The video in the file ``path``, its first frame decoded; a MediaError says what is wrong.
+
+        Memory is allocated for nothing that exceeds ``limits``.
+        """
+        ...
+
+
+# ---- pose backends
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +203,7 @@ class Person:
     scores: np.ndarray
 
 
+@runtime_checkable
 class PoseBackend(Protocol):
     """Finds people in pictures. Constructed with ``model`` (a `pose.models.ModelFile`) and options."""
 
@@ -78,6 +218,7 @@ class PoseBackend(Protocol):
         ...
 
 
+@runtime_checkable
 class KeypointReader(Protocol):
     """Reads ready-made keypoint files.
 
@@ -102,6 +243,7 @@ class KeypointReader(Protocol):
         ...
 
 
+@runtime_checkable
 class Normalizer(Protocol):
     """Brings keypoints into the body's own frame of reference."""
 
@@ -110,6 +252,7 @@ class Normalizer(Protocol):
         ...
 
 
+@runtime_checkable
 class Filter(Protocol):
     """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out.
 
@@ -125,6 +268,7 @@ class Filter(Protocol):
         ...
 
 
+@runtime_checkable
 class Selector(Protocol):
     """Chooses the salient dimensions of one sequence."""
 
@@ -154,6 +298,7 @@ class DistanceKernel(Protocol):
         ...
 
 
+@runtime_checkable
 class ResultWriter(Protocol):
     """Writes the rows of a run to a file."""
 
@@ -164,11 +309,12 @@ class ResultWriter(Protocol):
         ...
 
 
+@runtime_checkable
 class ExecutionEngine(Protocol):
-    """Runs one job over many tasks. Constructed with ``workers`` and ``limits``.
+    """Performs tasks, calls of worker functions by name. Constructed with ``workers`` and ``limits``.
 
-    `run` is called once for the examples and once for the queries of a run, with the same job. An
-    engine that keeps something between the two has a method ``close``, which ends it.
+    `run` is called several times in a run of the program, with the same job. Wherever a task is
+    performed, it is ``gesture_core.run.workers.worker.Worker(job, report).perform(task)`` that does it.
     """
 
     def run(
@@ -177,6 +323,29 @@ class ExecutionEngine(Protocol):
         """Yield one outcome for every task, in any order.
 
         ``on_frames(task, n)`` is called as frames are done, for progress. A task that fails, hangs
-        or kills its process yields an outcome that says so; it never ends the others.
+        or ends its process yields an outcome that says so; it never ends the others.
         """
         ...
+
+
+@runtime_checkable
+class Closeable(Protocol):
+    """An engine that keeps something between two calls of `run`."""
+
+    def close(self) -> None:
+        """End what is kept."""
+        ...
+
+
+INTERFACES: Mapping[str, type] = {
+    "video": VideoReader,
+    "pose": PoseBackend,
+    "reader": KeypointReader,
+    "normalizer": Normalizer,
+    "filter": Filter,
+    "selector": Selector,
+    "kernel": DistanceKernel,
+    "writer": ResultWriter,
+    "engine": ExecutionEngine,
+}
+"""The Protocol of each kind."""

@@ -1,4 +1,9 @@
-"""Names of plugins and what became of each: registered, broken, ambiguous, or missing a dependency."""
+"""Plugins by name: found through the entry-point group ``gesture_core``, each isolated from the others.
+
+What becomes of each announcement is known before anything of a plugin is imported: registered, broken,
+claimed twice, or missing a dependency. `calling` is the one place that turns what third-party code raises
+into an error of this package.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +12,20 @@ import importlib
 import importlib.util
 import inspect
 import re
-from collections.abc import Collection, Mapping, Sequence
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
+from functools import cache, partial
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from gesture_core.errors import ConfigError, GestureError, MissingDependencyError, PluginError
+import pluggy
+
+from gesture_core.errors import ConfigError, GestureError, MissingDependencyError, PluginError, SignalError
+from gesture_core.plugin import hooks
 from gesture_core.plugin.interfaces import KINDS
 
-_OURS = "gesture-core"
 _NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 _TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
 
@@ -30,11 +41,6 @@ class Origin:
     def __str__(self) -> str:
         return f"{self.distribution} {self.version}".strip() or self.entry_point
 
-    @property
-    def built_in(self) -> bool:
-        """Whether it is part of this package, and not a third party's."""
-        return self.distribution == _OURS
-
 
 @dataclass(frozen=True)
 class Registration:
@@ -47,6 +53,11 @@ class Registration:
     needs: tuple[str, ...] = ()
     extra: str = ""
     summary: str = ""
+    suffixes: tuple[str, ...] = ()
+    folders: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.title} of {self.origin}"
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -58,7 +69,7 @@ class Registration:
         """The command that brings what is missing."""
         if not self.extra:
             return f"pip install {' '.join(self.needs)}"
-        return f"pip install '{self.origin.distribution or _OURS}[{self.extra}]'"
+        return f"pip install '{self.origin.distribution or 'gesture-core'}[{self.extra}]'"
 
     @property
     def title(self) -> str:
@@ -99,6 +110,8 @@ class Registry:
         needs: Sequence[str] = (),
         extra: str = "",
         summary: str = "",
+        suffixes: Sequence[str] = (),
+        folders: bool = False,
     ) -> None:
         """Record one announcement; a malformed or repeated one becomes a fault."""
         if not isinstance(name, str) or not _NAME.fullmatch(name):
@@ -117,7 +130,8 @@ class Registry:
         if any(entry.origin.distribution == origin.distribution for entry in known):
             self.faults.append(Fault(origin, "registers this name twice; the first one counts", kind, name))
             return
-        known.append(Registration(kind, name, target, origin, tuple(needs), extra, summary))
+        every = tuple(needs), extra, summary, tuple(suffixes), folders
+        known.append(Registration(kind, name, target, origin, *every))
 
     def names(self, kind: str, *, usable: bool = False) -> tuple[str, ...]:
         """Names of ``kind`` in alphabetical order; only those that can be loaded with ``usable``."""
@@ -160,11 +174,11 @@ class Registry:
             cause, remedy=f"{hint}one of {', '.join(known) or '(none installed)'}", code="E_PLUGIN_UNKNOWN"
         )
 
-    def origin(self, plugin: Any) -> Origin | None:
-        """Where the class of an object comes from, if it is a registered plugin."""
+    def registration(self, plugin: Any) -> Registration | None:
+        """How the class of an object was announced, if it is a registered plugin."""
         target = f"{type(plugin).__module__}:{type(plugin).__qualname__}"
         every = (entry for entries in self.entries.values() for entry in entries)
-        return next((entry.origin for entry in every if entry.target == target), None)
+        return next((entry for entry in every if entry.target == target), None)
 
     def load(self, kind: str, name: str) -> type[Any]:
         """Import the class of a plugin.
@@ -180,14 +194,9 @@ class Registry:
         if entry.missing:
             raise MissingDependencyError(f"{entry.title} needs {', '.join(entry.missing)}: {entry.install}")
         module, _, attribute = entry.target.partition(":")
-        try:
-            return getattr(importlib.import_module(module), attribute)
-        except (Exception, SystemExit) as error:
-            raise PluginError(
-                f"{entry.title} of {entry.origin} cannot be imported: {type(error).__name__}: {error}",
-                remedy="repair or uninstall it",
-                code="E_PLUGIN_IMPORT",
-            ) from error
+        with calling(entry, "cannot be imported", code="E_PLUGIN_IMPORT", remedy="repair or uninstall it"):
+            target: type[Any] = getattr(importlib.import_module(module), attribute)
+        return target
 
     def make(self, kind: str, name: str, options: Mapping[str, Any] | None = None, **fixed: Any) -> Any:
         """Construct a plugin with ``options`` as keyword arguments.
@@ -203,22 +212,17 @@ class Registry:
         factory = self.load(kind, name)
         options = options or {}
         _refuse_unknown(entry, factory, options)
-        try:
-            return factory(**fixed, **options)
-        except (TypeError, ValueError) as error:
-            raise ConfigError(
-                f"{entry.title} refuses its options: {error}" if options else f"{entry.title}: {error}",
-                remedy=f"'gesture plugins {name}' lists its options",
-                code="E_OPTION",
-            ) from error
-        except (GestureError, MemoryError, OSError):
-            raise
-        except (Exception, SystemExit) as error:
-            raise PluginError(
-                f"{entry.title} of {entry.origin} raised {type(error).__name__}: {error}",
-                remedy=f"other options ('gesture plugins {name}' lists them), or repair or uninstall it",
-                code="E_PLUGIN_RAISED",
-            ) from error
+        remedy = f"'gesture plugins {name}' lists its options"
+        with calling(
+            entry, remedy=f"other options ({remedy}), or repair or uninstall it", passing=(OSError,)
+        ):
+            try:
+                return factory(**fixed, **options)
+            except (TypeError, ValueError) as error:
+                cause = (
+                    f"{entry.title} refuses its options: {error}" if options else f"{entry.title}: {error}"
+                )
+                raise ConfigError(cause, remedy=remedy, code="E_OPTION") from error
 
 
 def _refuse_unknown(entry: Registration, factory: Any, options: Mapping[str, Any]) -> None:
@@ -239,3 +243,128 @@ def _refuse_unknown(entry: Registration, factory: Any, options: Mapping[str, Any
                 + f"'gesture plugins {entry.name}' lists its options",
                 code="E_OPTION",
             )
+
+
+@contextmanager
+def calling(
+    plugin: Registration | Origin | object,
+    verb: str = "raised",
+    *,
+    code: str = "E_PLUGIN_RAISED",
+    kept: str = "",
+    remedy: str = "another plugin, or report it",
+    passing: tuple[type[Exception], ...] = (),
+) -> Iterator[None]:
+    """Call third-party code in the block; whatever it raises becomes a PluginError that names it.
+
+    Parameters
+    ----------
+    plugin : Registration, Origin or object
+        What is called; an object is looked up by its class.
+    verb : str
+        What it did, in the message.
+    code, kept, remedy : str
+        Of the error.
+    passing : exception types
+        What says something of the input, and not of the plugin; it passes, as do the errors of this
+        package, interrupts, and the end of memory (`E_WORKER_MEMORY`, which names the plugin).
+
+    Raises
+    ------
+    PluginError
+    """
+    name = str(plugin) if isinstance(plugin, Registration | Origin) else name_of(plugin)
+    _called.append(name)
+    for note in _watchers:
+        note(name)
+    try:
+        yield
+    except (SignalError, PluginError) as error:  # of what it returned
+        if name not in error.cause and not isinstance(plugin, Origin):
+            error.cause += f" ({name})"
+        raise
+    except GestureError:
+        raise
+    except passing:
+        raise
+    except MemoryError as error:
+        more = "--set limits.memory=… with a larger figure, and --retry-errors"
+        raise PluginError(f"{name}: out of memory", kept=kept, remedy=more, code="E_WORKER_MEMORY") from error
+    except (Exception, SystemExit) as error:
+        cause = f"{name} {verb}{'' if verb.endswith('raised') else ':'} {described(error)}"
+        raise PluginError(cause, kept=kept, remedy=remedy, code=code) from error
+    finally:
+        _called.pop()
+        for note in _watchers:
+            note(_called[-1] if _called else "")
+
+
+_called: list[str] = []
+_watchers: list[Callable[[str], None]] = []
+
+
+def watch(note: Callable[[str], None]) -> None:
+    """Have ``note`` know which plugin is being called, ``""`` where none is any more.
+
+    A worker process tells its parent, which then knows whose code ended the process.
+    """
+    _watchers[:] = [note]
+
+
+def name_of(plugin: object) -> str:
+    """What to call a plugin's object in a message: ``filter 'speed' of my-plugin 1.0``, or its class."""
+    entry = registry().registration(plugin)
+    return str(entry) if entry else f"{type(plugin).__module__}.{type(plugin).__qualname__}"
+
+
+def described(error: BaseException) -> str:
+    """The class and text of an exception, which may fail to have any text."""
+    try:
+        return f"{type(error).__name__}: {error}"
+    except Exception:  # noqa: BLE001 - it is somebody else's class
+        return type(error).__name__
+
+
+@cache
+def registry() -> Registry:
+    """The plugins of this installation, found once for each process."""
+    return load_registry(entry_points(group=hooks.PROJECT))
+
+
+def load_registry(points: Iterable[EntryPoint]) -> Registry:
+    """Register every plugin of ``points``; what fails becomes a fault, never an exception."""
+    found = Registry()
+    for point in sorted(points, key=lambda p: (p.dist.name if p.dist else "", p.name)):
+        origin = Origin(point.name, *((point.dist.name, point.dist.version) if point.dist else ()))
+        try:
+            with calling(origin, "cannot be imported"), redirect_stdout(sys.stderr):
+                module = point.load()  # standard output is for results
+        except PluginError as error:
+            found.faults.append(Fault(origin, error.cause.removeprefix(f"{origin} ")))
+        else:
+            register_module(found, module, origin)
+    return found
+
+
+def register_module(found: Registry, module: Any, origin: Origin) -> None:
+    """Call every hook that ``module`` implements; unknown hooks and raising ones become faults."""
+    kinds = {kind.hook: name for name, kind in KINDS.items()}
+    manager = pluggy.PluginManager(hooks.PROJECT)
+    manager.add_hookspecs(hooks)
+    try:
+        manager.register(module, origin.entry_point)
+    except (pluggy.PluginValidationError, ValueError) as error:
+        found.faults.append(Fault(origin, f"does not fit the hook: {error}"))
+        return
+    for caller in manager.get_hookcallers(module) or ():
+        kind = kinds.get(caller.name)
+        if kind is None:
+            near = difflib.get_close_matches(caller.name, kinds, 1)
+            meant = f"did you mean {near[0]!r}?" if near else f"hooks are {', '.join(kinds)}"
+            found.faults.append(Fault(origin, f"implements {caller.name!r}, which is no hook; {meant}"))
+            continue
+        try:
+            with calling(origin, f"{caller.name} raised"), redirect_stdout(sys.stderr):
+                getattr(manager.hook, caller.name)(register=partial(found.add, kind, origin))
+        except PluginError as error:
+            found.faults.append(Fault(origin, error.cause.removeprefix(f"{origin} "), kind))

@@ -1,4 +1,4 @@
-"""The networks that the user added: one folder each under `gesture_core.paths.models_dir`.
+"""The networks that the user added: one folder each under `gesture_core.files.models_dir`.
 
 ``<name>/model.json`` names the file, its SHA-256 and its contract; the file lies beside it.
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gesture_core.errors import ModelError
-from gesture_core.paths import models_dir
+from gesture_core.files import models_dir
 from gesture_core.pose.contracts import ModelContract
 from gesture_core.pose.model_file import ModelFile, read_bounded
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import ModelError
-from gesture_core.paths import models_dir
+from gesture_core.files import models_dir
 from gesture_core.pose.added import CARD, AddedModel, added_names, check_name, read_card
 from gesture_core.pose.contracts import ModelContract
 from gesture_core.pose.known import KnownModel, known_by_hash, known_models

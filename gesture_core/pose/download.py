@@ -11,7 +11,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from gesture_core.errors import MissingDependencyError, ModelError
-from gesture_core.paths import offline
+from gesture_core.files import offline
 from gesture_core.pose.adding import check_hash
 from gesture_core.pose.model_file import MAX_BYTES, SUFFIXES
 

@@ -70,7 +70,7 @@ def extract_poses(
     ----------
     frames : iterable of (seconds, frame)
         Frames (H, W, 3) uint8 in BGR, upright, times not descending; a
-        `gesture_core.video.reader.VideoReader` is one.
+        `gesture_core.plugin.interfaces.Video` is one.
     backend : PoseBackend
     people : "single" or "multi"
         One sequence with the most visible person of each frame, or one for each person tracked.

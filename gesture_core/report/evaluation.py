@@ -109,8 +109,8 @@ def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> 
     MissingDependencyError
         Where matplotlib is not installed.
     """
-    from gesture_core.run.atomic import replacing
-    from gesture_core.run.writers import CsvWriter
+    from gesture_core.files import replacing
+    from gesture_core.run.export import CsvWriter
 
     folder.mkdir(parents=True, exist_ok=True)
     paths = {"numbers": folder / "evaluation.json", "answers": folder / "answers.csv"}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gesture_core.errors import MediaError
-from gesture_core.run.atomic import replacing
+from gesture_core.files import replacing
 from gesture_core.skeletons import Skeleton, skeleton
 from gesture_core.types import PoseSequence
 

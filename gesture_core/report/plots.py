@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import MissingDependencyError
-from gesture_core.run.atomic import replacing
+from gesture_core.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

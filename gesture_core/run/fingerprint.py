@@ -7,9 +7,9 @@ from typing import Any
 
 import gesture_core
 from gesture_core.errors import ModelError
+from gesture_core.files import tree_sha256
 from gesture_core.plugin import registry
-from gesture_core.run.discovery import Input
-from gesture_core.run.hashing import settings_sha256
+from gesture_core.run.inputs import Input
 from gesture_core.settings import Settings
 
 
@@ -29,7 +29,7 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
     """
     from gesture_core.pose.extract import REVISION
     from gesture_core.pose.models import find_model
-    from gesture_core.video.reader import reader_name
+    from gesture_core.video import reader_name
 
     plugins = registry()
     pose = settings.as_dict()["pose"]
@@ -42,13 +42,18 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
         if with_model:
             raise
         model = None
+    reader = reader_name(settings.pose.reader, settings.options)
     video = {
         "package": gesture_core.__version__,
         "extraction": REVISION,
         "settings": pose,
         "backend": str(plugins.find("pose", settings.pose.backend).origin),
         "options": settings.plugin_options(settings.pose.backend),
-        "reader": reader_name(settings.pose.reader),
+        "reader": {
+            "name": reader,
+            "origin": str(plugins.find("video", reader).origin),
+            "options": settings.plugin_options(reader),
+        },
         "model": model,
     }
     readers = {
@@ -101,7 +106,7 @@ def run_configuration(
 
 def fingerprint(configuration: Mapping[str, Any]) -> str:
     """Sixteen hexadecimal digits that change when anything in ``configuration`` does."""
-    return settings_sha256(configuration)[:16]
+    return tree_sha256(configuration)[:16]
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:

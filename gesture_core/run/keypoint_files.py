@@ -10,33 +10,33 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from gesture_core.run.atomic import replacing
-from gesture_core.run.discovery import Input
-from gesture_core.run.journal import Journal
+from gesture_core.files import replacing
+from gesture_core.run.inputs import Input
+from gesture_core.run.results import Results
 
 _LONGEST = 120
 _ODD = re.compile(r"[^\w .=@+-]|^\.+$")
 
 
 class KeypointFiles:
-    """The folder ``<out>/keypoints/``: one file for each input that has keypoints, as the journal knows them.
+    """The folder ``<out>/keypoints/``: one file for each input that has keypoints, as the results know them.
 
     Parameters
     ----------
     out : Path
         The run folder.
-    journal : Journal
+    results : Results
     inputs : sequence of Input
         Of this run.
     sources : sequence of str
         What they were found in.
     """
 
-    def __init__(self, out: Path, journal: Journal, inputs: Sequence[Input], sources: Sequence[str]) -> None:
+    def __init__(self, out: Path, results: Results, inputs: Sequence[Input], sources: Sequence[str]) -> None:
         self._folder, self._removed = out / "keypoints", out / "removed"
-        self._journal = journal
+        self._results = results
         self._inputs = {item.place for item in inputs}
-        self._known, own = journal.published(), {item.key for item in inputs}
+        self._known, own = results.published(), {item.key for item in inputs}
         others = [file for key, file in self._known.items() if key not in own]
         self._names = file_names(inputs, sources, others)
         self._claims = Counter(self._known.values())
@@ -45,7 +45,7 @@ class KeypointFiles:
         """Keys of inputs that have rows with keypoints, and no file of the right name."""
         return {
             key
-            for key in self._journal.with_keypoints() & self._names.keys()
+            for key in self._results.with_keypoints() & self._names.keys()
             if self._known.get(key) != self._names[key] or not (self._folder / self._names[key]).is_file()
         }
 
@@ -55,7 +55,7 @@ class KeypointFiles:
         if self._known.get(item.key) != name:
             self._drop(self._known.keys() & {item.key})
             self._claims[name] += 1
-        self._journal.publish(item.key, name)  # first, so that no file is ever unknown
+        self._results.publish(item.key, name)  # first, so that no file is ever unknown
         self._known[item.key] = name
         with replacing(self._folder / name) as temporary:
             shutil.copyfile(stored, temporary)
@@ -65,7 +65,7 @@ class KeypointFiles:
 
         They go to ``<out>/removed/``: where the video is deleted, its keypoints are all that is left of it.
         """
-        self._drop(self._known.keys() - self._journal.with_keypoints(), self._removed)
+        self._drop(self._known.keys() - self._results.with_keypoints(), self._removed)
 
     def _drop(self, keys: Iterable[bytes], to: Path | None = None) -> None:
         gone = []
@@ -79,7 +79,7 @@ class KeypointFiles:
                 _take_out(path, None if to is None else to / name)
             gone.append(key)
         if gone:
-            self._journal.retract(gone)
+            self._results.retract(gone)
 
 
 def _take_out(path: Path, to: Path | None) -> None:

@@ -10,14 +10,11 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.run.journal import FILE_NAME
-from gesture_core.run.manifests import NO_TEXT, SAVE_AS_TEXT, lacking, printable, read_manifest
-
-if TYPE_CHECKING:
-    from gesture_core.run.discovery import Input
+from gesture_core.files import printable
+from gesture_core.run.inputs import NO_TEXT, SAVE_AS_TEXT, Input, lacking, read_manifest
+from gesture_core.run.results import DATABASE
 
 
 class _Table:
@@ -105,7 +102,7 @@ def label_folders(roots: Sequence[str | os.PathLike[str]], avoid: Path) -> set[s
     for root in (path for path in map(Path, roots) if path.is_dir()):
         with suppress(OSError):  # what cannot be listed has been said by then
             for folder in root.iterdir():
-                own = (folder / FILE_NAME).exists() or folder.resolve() == avoid.resolve()
+                own = (folder / DATABASE).exists() or folder.resolve() == avoid.resolve()
                 if folder.is_dir() and not own and not folder.name.startswith("."):
                     found.add(_word(folder.name))
     return found

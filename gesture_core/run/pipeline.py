@@ -1,7 +1,7 @@
 """The main job: inputs and examples in, rows out, whatever happens in between.
 
-Examples are extracted first, then queries; as keypoints arrive they are compared with all examples
-in batches, and each input's rows are committed in one transaction.
+Examples are extracted first, then inputs; as keypoints arrive they are compared with all examples in
+batches, and each input's rows are committed in one transaction.
 """
 
 from __future__ import annotations
@@ -11,28 +11,101 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from pathlib import Path
+from typing import Any
 
-from gesture_core.errors import ConfigError, GestureError, InputError, RunFolderError
-from gesture_core.run.assemble import PLUGIN_CODES, broken_row, failed_row, person_rows, skipped_row
-from gesture_core.run.contradictions import contradicting_row, contradictions
-from gesture_core.run.deciding import Arrived, Decided, Deciding, Example
-from gesture_core.run.discovery import Input
-from gesture_core.run.extraction import Extraction
-from gesture_core.run.extractor import STORE_FAILED
-from gesture_core.run.folder import run_folder
-from gesture_core.run.journal import Committed, Journal
-from gesture_core.run.plan import Plan, check_out, make_plan
-from gesture_core.run.pruning import prune
-from gesture_core.run.rows import Row
-from gesture_core.run.run import Listener, RunRequest, RunSummary, keypoint_store
-from gesture_core.run.sandbox import Sandbox
-from gesture_core.run.store import read_keypoints
-from gesture_core.run.work import Outcome
-from gesture_core.types import PoseSequence, Prediction
+from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.run.extract import OpenEngine
+from gesture_core.run.inputs import Input
+from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
+from gesture_core.run.results import Committed, Results, open_results, run_folder
+from gesture_core.run.rows import PLUGIN_CODES, contradicting_row, rows_of, unread_row
+from gesture_core.run.store import keypoint_store, prune
+from gesture_core.run.workers.engines import Assistant
+from gesture_core.run.workers.keypoints import Extracted
+from gesture_core.run.workers.process import WorkerError
+from gesture_core.types import Job, Row
 
 _BATCH = 64
 _SECONDS_BETWEEN_BATCHES = 2.0
+_TOGETHER = 16
+"""Inputs that are decided in one call: where it ends its process, each is decided alone."""
+
+
+class Listener:
+    """Told about a run as it goes on; override what is of interest."""
+
+    def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
+        """The work is known: all inputs, those that still wait, the examples, the kernel."""
+
+    def frames(self, name: str, count: int) -> None:
+        """``count`` further frames of an input are done."""
+
+    def extracted(self, name: str, cached: bool) -> None:
+        """The keypoints of an input or example are there, or it has failed."""
+
+    def example_failed(self, row: Row) -> None:
+        """An example cannot be used."""
+
+    def row(self, row: Row) -> None:
+        """A row has been committed."""
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What came of a run.
+
+    Attributes
+    ----------
+    out : Path
+    counts : mapping
+        Number of rows by status, those of earlier runs in the same folder included.
+    done_now : int
+        Inputs that this run worked on; zero where there was nothing to do.
+    failed_examples : tuple of Row
+    elapsed : float
+        Seconds.
+    frames : int
+        Frames that were decoded now, not taken from the keypoint store.
+    kernel : str
+    fingerprint : str
+    lost_classes : tuple of str
+        Labels of which no example can be used, or whose folder holds none: no input can get them.
+    assumed : mapping
+        What files do not say and was assumed, such as the frames a second of keypoints without
+        times, and of how many inputs and examples that this run looked at.
+    classes : mapping
+        Number of examples that can be used, by label.
+    inputs_among_examples : int
+        Inputs whose content or movement is that of an example: they find themselves.
+    gone : int
+        Inputs of earlier runs that are not there any more; their rows were removed.
+    """
+
+    out: Path
+    counts: Mapping[str, int]
+    done_now: int = 0
+    failed_examples: tuple[Row, ...] = field(default_factory=tuple)
+    elapsed: float = 0.0
+    frames: int = 0
+    kernel: str = ""
+    fingerprint: str = ""
+    lost_classes: tuple[str, ...] = ()
+    assumed: Mapping[str, int] = field(default_factory=dict)
+    classes: Mapping[str, int] = field(default_factory=dict)
+    inputs_among_examples: int = 0
+    gone: int = 0
+
+    @property
+    def exit_code(self) -> int:
+        """0 when every row is whole, 3 where there are errors, degraded rows, or examples that are lost."""
+        flawed = self.counts.get("error", 0) + self.counts.get("degraded", 0)
+        return 3 if flawed or self.failed_examples or self.lost_classes else 0
+
+    def rows(self) -> list[Row]:
+        """All rows of the run folder, ordered by input."""
+        with open_results(self.out) as results:
+            return list(results.rows())
 
 
 def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSummary:
@@ -48,28 +121,30 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     started = time.monotonic()
     listener = listener or Listener()
     check_out(request)
+    job = Job(request.settings.as_dict(), str(keypoint_store()))
     with (
         run_folder(request.out),
-        Journal(request.out, create=True) as journal,
-        journal.failures(),
-        Sandbox(request.settings.limits) as sandbox,
+        Results(request.out, create=True) as results,
+        results.failures(),
+        Assistant(job, request.settings.limits, inline=request.engine == "inline") as assistant,
     ):
-        plan = make_plan(request, journal, None if request.engine == "inline" else sandbox)
+        plan = make_plan(request, results, assistant)
         listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
-        run = _Run(request, plan, journal, listener)
+        run = _Run(request, plan, results, assistant, listener)
         if plan.waiting:
             run.work()
             if plan.files:
                 plan.files.sweep()  # of what has turned out to be unreadable
             if run.added:
                 prune(keypoint_store(), request.settings.limits.cache)
-        failed = tuple(journal.rows("example"))
-        classes = Counter(str(item.label) for item in _usable(plan.examples, failed) if item.label)
-        known = set(plan.hashes.values()) - {""}
-        lost = (_labels(plan.examples) | plan.announced) - classes.keys()
+        failed = tuple(results.rows("example"))
+        names = {row.input for row in failed}
+        labels = [item.label for item in plan.examples if item.name not in names]
+        classes = Counter(str(label) for label in labels if label)
+        lost = ({item.label for item in plan.examples if item.label} | plan.announced) - classes.keys()
         return RunSummary(
             request.out,
-            journal.counts(),
+            results.counts(),
             done_now=len(plan.waiting),
             failed_examples=failed,
             elapsed=time.monotonic() - started,
@@ -79,32 +154,17 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             lost_classes=tuple(sorted(lost)),
             assumed=dict(run.assumed),
             classes=dict(sorted(classes.items())),
-            inputs_among_examples=journal.copies(known),
+            inputs_among_examples=results.copies(set(plan.hashes.values()) - {""}),
             gone=plan.gone,
         )
-
-
-def _remedy(first: Row) -> str:
-    """What to try where no example can be used, and the first one's row does not say it."""
-    if first.code.startswith(PLUGIN_CODES):
-        return "another version of that plugin, or settings without it"
-    return "" if "; try: " in first.message else "better clips"
-
-
-def _usable(examples: Sequence[Input], failed: Sequence[Row]) -> list[Input]:
-    names = {row.input for row in failed}
-    return [item for item in examples if item.name not in names]
-
-
-def _labels(examples: Sequence[Input]) -> set[str]:
-    return {item.label for item in examples if item.label}
 
 
 @dataclass
 class _Run:
     request: RunRequest
     plan: Plan
-    journal: Journal
+    results: Results
+    assistant: Assistant
     listener: Listener
     frames: int = 0
     added: bool = False
@@ -112,79 +172,71 @@ class _Run:
 
     def work(self) -> None:
         """Extract, compare, commit, until nothing waits."""
-        for item in self.plan.waiting:
-            if item.kind == "other":
-                self._commit(item, [skipped_row(item, self.plan.fingerprint)])
-            elif item.kind == "broken":
-                self._commit(item, [broken_row(item, self.plan.fingerprint)])
-        readable = [item for item in self.plan.waiting if item.kind in ("video", "keypoints")]
+        plan = self.plan
+        for item in plan.waiting:
+            if item.kind in ("other", "broken"):
+                self._commit(item, [unread_row(item, plan.fingerprint)])
+        readable = [item for item in plan.waiting if item.kind in ("video", "keypoints")]
         if not readable:
             return
         examples = [
             item
-            for item in self.plan.examples
-            if item.kind in ("video", "keypoints") and item.key not in self._contradictions
+            for item in plan.examples
+            if item.kind in ("video", "keypoints") and item.key not in plan.contradictions
         ]
-        with Extraction(
-            self.plan.settings,
-            self.plan.identity,
+        with OpenEngine(
+            plan.settings,
+            plan.identity,
             most=max(len(readable), len(examples)),
             workers=self.request.workers,
             engine=self.request.engine,
             on_frames=self.listener.frames,
-        ) as extraction:
-            if self.plan.deciding:
-                self._fit(self.plan.deciding, dict(self._extract(extraction, examples)))
-            arrived: list[tuple[Input, Outcome]] = []
+        ) as engine:
+            if plan.examples:
+                self._fit({item.key: found for item, found in self._extract(engine, examples)})
+            arrived: list[tuple[Input, Extracted]] = []
             last = time.monotonic()
-            for item, outcome in self._extract(extraction, readable):
-                arrived.append((item, outcome))
+            for item, found in self._extract(engine, readable):
+                arrived.append((item, found))
                 if len(arrived) >= _BATCH or time.monotonic() - last > _SECONDS_BETWEEN_BATCHES:
                     self._decide(arrived)
                     arrived, last = [], time.monotonic()
             self._decide(arrived)
 
-    @cached_property
-    def _contradictions(self) -> dict[bytes, Input]:
-        return contradictions(self.plan.examples, self.plan.hashes)
+    def _extract(self, engine: OpenEngine, items: Sequence[Input]) -> Iterator[tuple[Input, Extracted]]:
+        for item, found in engine.extract(items):
+            self.listener.extracted(item.name, found.cached)
+            self.frames += 0 if found.cached else found.frames_read
+            self.added |= bool(found.stored) and not found.cached
+            self.assumed.update([found.assumed] if found.assumed else [])
+            yield item, found
 
-    def _extract(self, extraction: Extraction, items: Sequence[Input]) -> Iterator[tuple[Input, Outcome]]:
-        for outcome in extraction(items):
-            if outcome.code == STORE_FAILED:
-                raise RunFolderError(outcome.message, kept="every committed row", code=STORE_FAILED)
-            item = items[outcome.number]
-            self.listener.extracted(item.name, outcome.cached)
-            self.frames += 0 if outcome.cached else outcome.frames_read
-            self.added |= bool(outcome.stored) and not outcome.cached
-            self.assumed.update([outcome.assumed] if outcome.assumed else [])
-            yield item, outcome
-
-    def _fit(self, deciding: Deciding, outcomes: Mapping[Input, Outcome]) -> None:
-        """Make known all examples that can be used; rows say why the others cannot."""
-        self.journal.forget([item.key for item in self.plan.examples], role="example")
-        failed = []
+    def _fit(self, found: Mapping[bytes, Extracted]) -> None:
+        """Take all examples that can be used; rows say why the others cannot."""
+        self.results.forget([item.key for item in self.plan.examples], role="example")
+        failed, usable = [], []
         for item in self.plan.examples:
-            row = self._example(deciding, item, outcomes.get(item))
-            if row:
-                failed.append(row)
-                self.journal.commit(Committed(item.key, item.place, ""), [row], role="example")
-                self.listener.example_failed(row)
-        if len(failed) == len(self.plan.examples):
+            row = self._example(item, found.get(item.key))
+            if row is None:
+                usable.append(item.key)
+                continue
+            failed.append(row)
+            self.results.commit(Committed(item.key, item.place, ""), [row], role="example")
+            self.listener.example_failed(row)
+        if not usable:
+            remedy = "" if "; try: " in failed[0].message else "better clips"
+            if failed[0].code.startswith(PLUGIN_CODES):
+                remedy = "another version of that plugin, or settings without it"
             raise InputError(
                 f"no example can be used; the first one: {failed[0].code} {failed[0].message}",
                 kept="the keypoints extracted so far",
-                remedy=_remedy(failed[0]),
+                remedy=remedy,
                 code="E_EXAMPLES",
             )
-        self._hold(sorted(_usable(self.plan.examples, failed), key=lambda item: item.key))
-        deciding.fit()
-
-    def _hold(self, usable: Sequence[Input]) -> None:
-        """Stop where the rows that are there were decided by other examples than can be used now."""
-        library = hashlib.sha256(b"\0".join(item.key for item in usable)).hexdigest()
-        before = self.journal.get("library")
-        decided = self.journal.counts().keys() & {"ok", "degraded", "rejected"}
-        if before not in (None, library) and decided:
+        # Rows that are there must have been decided by the same examples.
+        library = hashlib.sha256(b"\0".join(sorted(usable))).hexdigest()
+        decided = self.results.counts().keys() & {"ok", "degraded", "rejected"}
+        if self.results.get("library") not in (None, library) and decided:
             raise ConfigError(
                 "other examples can be used now than when its rows were decided",
                 subject=str(self.request.out),
@@ -192,70 +244,73 @@ class _Run:
                 remedy="--overwrite to decide all of them by the same examples (keypoints are reused)",
                 code="E_CONFIG_CHANGED",
             )
-        self.journal.set({"library": library})
+        self.results.set({"library": library})
+        self.assistant.ask("fit", keep=True)
 
-    def _example(self, deciding: Deciding, item: Input, outcome: Outcome | None) -> Row | None:
-        """The row that says why an example cannot be used."""
+    def _example(self, item: Input, found: Extracted | None) -> Row | None:
+        """Take an example; or the row that says why it cannot be used."""
         mark = self.plan.fingerprint
-        if other := self._contradictions.get(item.key):
+        if other := self.plan.contradictions.get(item.key):
             return contradicting_row(item, other, self.plan.hashes[item.key], mark)
-        if outcome is None:
-            return (skipped_row if item.kind == "other" else broken_row)(item, mark)
-        if outcome.sha256 not in ("", self.plan.hashes[item.key]):
-            changed = Outcome(0, code="E_CHANGED", message="has changed since the run began; try: again")
-            return failed_row(item, changed, mark)
+        if found is None:
+            return unread_row(item, mark)
+        if found.sha256 not in ("", self.plan.hashes[item.key]):
+            changed = Extracted(code="E_CHANGED", message="has changed since the run began; try: again")
+            return rows_of(item, changed, None, mark)[0]
+        if found.code or not found.people:
+            return rows_of(item, found, None, mark)[0]
         try:
-            people = _stored_poses(item, outcome)
-            if outcome.code or not people:
-                return failed_row(item, outcome, mark)
-            deciding.add(Example(item.name, str(item.label), outcome.stored), people)
+            example = {"name": item.name, "label": str(item.label), "stored": found.stored}
+            self.assistant.ask("add_example", example, keep=True)
         except ConfigError:
             raise
         except GestureError as error:
-            broken = replace(outcome, stored="", code=error.code, message=error.message)
-            return failed_row(item, broken, mark)
+            return rows_of(item, found.failed(_blaming(error)), None, mark)[0]
         return None
 
-    def _decide(self, batch: Sequence[tuple[Input, Outcome]]) -> None:
-        poses = [self._poses(item, outcome) for item, outcome in batch]
-        if self.plan.deciding is None:
-            decided = [Decided(tuple(Prediction(None, "ok") for _ in people)) for _, people in poses]
-        else:
-            arrived = [
-                Arrived(item.name, outcome.stored, people)
-                for (item, _), (outcome, people) in zip(batch, poses, strict=True)
-            ]
-            decided = self.plan.deciding.predict(arrived)
-        for (item, _), (outcome, people), one in zip(batch, poses, decided, strict=True):
-            outcome = replace(outcome, attempts=max(outcome.attempts, one.attempts))
-            rows = person_rows(item, outcome, people, one.predictions, self.plan.fingerprint)
-            self._commit(item, rows, outcome.stamp)
+    def _decide(self, batch: Sequence[tuple[Input, Extracted]]) -> None:
+        """Decide about the people in a batch of inputs, and commit their rows."""
+        met = [(item, found) for item, found in batch if found.people and not found.code]
+        decided: dict[bytes, tuple[list[dict[str, Any]], int]] = {}
+        if self.plan.examples:
+            for start in range(0, len(met), _TOGETHER):
+                decided |= self._decided(met[start : start + _TOGETHER])
+        for item, found in batch:
+            predictions, attempts = decided.get(item.key, (None, 1))
+            found = replace(found, attempts=max(found.attempts, attempts))
+            if found.people and not found.code and self.plan.files:
+                self.plan.files.put(item, keypoint_store() / found.stored)
+            self._commit(item, rows_of(item, found, predictions, self.plan.fingerprint), found.stamp)
 
-    def _poses(self, item: Input, outcome: Outcome) -> tuple[Outcome, list[PoseSequence]]:
-        """The keypoints of an input; where keypoints are all that is wanted, also as a file of the run."""
+    def _decided(
+        self, some: Sequence[tuple[Input, Extracted]]
+    ) -> dict[bytes, tuple[list[dict[str, Any]], int]]:
+        """Predictions and attempts by the input's key; in case of a death, of each input alone."""
+        inputs = [{"name": item.name, "stored": found.stored} for item, found in some]
         try:
-            people = _stored_poses(item, outcome)
-            if people and self.plan.files:
-                self.plan.files.put(item, keypoint_store() / outcome.stored)
-            return outcome, people
+            answers = self.assistant.ask("decide", {"inputs": inputs}, retry=False)
+        except ConfigError:
+            raise
         except GestureError as error:
-            return replace(outcome, stored="", code=error.code, message=error.message), []
+            if len(some) > 1:
+                alone = [self._decided([one]) for one in some]
+                return {key: value for one in alone for key, value in one.items()}
+            failed = _blaming(error)
+            prediction = {"status": "error", "code": failed.code, "message": failed.message}
+            attempts = 2 if isinstance(error, WorkerError) else 1
+            return {some[0][0].key: ([prediction] * len(some[0][1].people), attempts)}
+        return {item.key: (answer, 1) for (item, _), answer in zip(some, answers, strict=True)}
 
     def _commit(self, item: Input, rows: Sequence[Row], stamp: str = "") -> None:
         """Commit the rows of an input, with its stamp as it was read, or as it was when the run began."""
-        self.journal.commit(Committed(item.key, item.place, stamp or self.plan.stamps[item.key]), rows)
+        self.results.commit(Committed(item.key, item.place, stamp or self.plan.stamps[item.key]), rows)
         for row in rows:
             self.listener.row(row)
 
 
-def _stored_poses(item: Input, outcome: Outcome) -> list[PoseSequence]:
-    """The keypoints of an input, one sequence for each person; none where there are none.
-
-    Raises
-    ------
-    KeypointError
-        Where the file in the store has been damaged since it was written.
-    """
-    if not outcome.stored:
-        return []
-    return read_keypoints(keypoint_store() / outcome.stored, item.name).sequences
+def _blaming(error: GestureError) -> GestureError:
+    """The error with the plugin that ended the worker in its cause: a row names its input instead."""
+    if isinstance(error, WorkerError):
+        cause = f"{error.subject}: {error.cause}" if error.subject else error.cause
+        return WorkerError(cause, kept="the keypoints", remedy=error.remedy, code=error.code)
+    return error

@@ -10,25 +10,57 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import ConfigError, InputError
+from gesture_core.files import content_sha256, stamp
 from gesture_core.plugin import registry
-from gesture_core.run.deciding import Decider, Deciding
-from gesture_core.run.discovery import FRAMES, PICTURE_SUFFIXES, Input, discover
+from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import differences, fingerprint, pose_identity, run_configuration
-from gesture_core.run.guarded import decider
-from gesture_core.run.hashing import content_sha256, stamp
-from gesture_core.run.journal import Journal
+from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input, discover
 from gesture_core.run.keypoint_files import KeypointFiles
 from gesture_core.run.labels import label_folders, label_inputs
-from gesture_core.run.probe import require_model
-from gesture_core.run.readers import Readers
-from gesture_core.run.run import RunRequest
-from gesture_core.run.sandbox import Sandbox
+from gesture_core.run.results import Results
+from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 
 # What lies beside clips and never is one: notes, subtitles, thumbnails, and what file managers leave.
 _COMPANIONS = frozenset(
     ".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .xml .yaml .yml .toml .ini .db .lnk".split()
 )
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """What a run is to do.
+
+    Attributes
+    ----------
+    sources : tuple of str
+        Files, folders, globs or manifests.
+    out : Path
+        The run folder.
+    settings : Settings
+    examples : tuple of str
+        Sources of the examples; empty to extract keypoints only.
+    labels : str
+        How examples get their labels, see `labels.label_inputs`.
+    workers : int
+        Worker processes; 0 for one for each core.
+    engine : str
+        Name of an execution engine.
+    retry_errors : bool
+        Try inputs again whose row is an error.
+    overwrite : bool
+        Forget the rows of a run that was made with other settings.
+    """
+
+    sources: tuple[str, ...]
+    out: Path
+    settings: Settings
+    examples: tuple[str, ...] = ()
+    labels: str = "folder"
+    workers: int = 0
+    engine: str = "processes"
+    retry_errors: bool = False
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,8 +82,9 @@ class Plan:
         From `fingerprint.pose_identity`.
     configuration : mapping
         From `fingerprint.run_configuration`.
-    deciding : Deciding or None
-        What classifies; None where keypoints are only extracted.
+    contradictions : dict
+        An example of another label with the same content, by the key of each example that has one: either
+        label may be the wrong one, so neither can be used.
     files : KeypointFiles or None
         Where an extraction leaves its keypoints.
     announced : frozenset of str
@@ -68,7 +101,7 @@ class Plan:
     hashes: dict[bytes, str]
     identity: Mapping[str, Any]
     configuration: Mapping[str, Any]
-    deciding: Deciding | None
+    contradictions: dict[bytes, Input]
     files: KeypointFiles | None
     announced: frozenset[str] = frozenset()
     gone: int = 0
@@ -93,58 +126,59 @@ def check_out(request: RunRequest) -> None:
             raise ConfigError(cause, remedy="a folder of its own, such as run/", code="E_OUT")
 
 
-def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) -> Plan:
+def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Plan:
     """Find the inputs and examples and check everything that can be checked; then, and only then,
     make the run folder's configuration that of this run.
 
-    Third parties' plugins are asked in ``sandbox``; without one, in this process.
+    Plugins are asked in the ``assistant``, which has made the chain and the kernel afterwards.
 
     Raises
     ------
     InputError, ConfigError, PluginError, ModelError
         A source, setting, plugin or model that cannot be used, or a run folder made with other
-        settings (E_CONFIG_CHANGED). The journal is as it was.
+        settings (E_CONFIG_CHANGED). The results are as they were.
     """
     settings = request.settings
-    readers = Readers(sandbox)
     registry().find("engine", request.engine)
-    inputs = discover(request.sources, avoid=request.out, readers=readers)
+    inputs = discover(request.sources, avoid=request.out, assistant=assistant)
     if not inputs:
         raise InputError(
             "holds no input", subject=", ".join(request.sources), remedy="another path", code="E_EMPTY"
         )
-    examples = _examples(request, readers)
+    examples = _examples(request, assistant)
+    kernel = ""
     if examples:
         _check_enough(settings, [item for item in examples if item.kind != "other"])
-    kernel = _kernel(settings) if examples else ""
+        kernel = assistant.ask("open_classifier", keep=True)
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
-    deciding = decider(settings, sandbox) if examples else None
-    if isinstance(deciding, Decider):  # costs nothing; in a sandbox it waits until there is work
-        deciding.check()
     videos = any(item.kind == "video" for item in (*inputs, *examples))
     identity = pose_identity(settings, with_model=videos)
     stamps = {item.key: _stamp(item) for item in (*inputs, *examples)}
     hashes = {
-        item.key: _sha256(journal, item, stamps[item.key]) if item.kind != "other" else ""
+        item.key: _sha256(results, item, stamps[item.key]) if item.kind != "other" else ""
         for item in examples
     }
     configuration = run_configuration(settings, identity, [(e, hashes[e.key]) for e in examples], kernel)
-    changed = _changes(journal, configuration, overwrite=request.overwrite)
-    done = {} if changed or request.overwrite else journal.done(retry_errors=request.retry_errors)
-    files = KeypointFiles(request.out, journal, inputs, request.sources) if not examples else None
+    changed = _changes(results, configuration, overwrite=request.overwrite)
+    done = {} if changed or request.overwrite else results.done(retry_errors=request.retry_errors)
+    files = KeypointFiles(request.out, results, inputs, request.sources) if not examples else None
     lacking = files.lacking() if files else set()
     waiting = [
-        item for item in inputs if item.key in lacking or not _is_done(journal, item, stamps[item.key], done)
+        item
+        for item in inputs
+        if item.key in lacking
+        or item.key not in done
+        or not stamps[item.key]
+        or results.sha256(item.key, stamps[item.key]) != done[item.key]
     ]
-    if any(item.kind == "video" for item in (*waiting, *examples)) and waiting:
-        require_model(settings, identity, request.engine)
-    if deciding and waiting:
-        deciding.check()
+    if waiting and any(item.kind == "video" for item in (*waiting, *examples)):
+        with OpenEngine(settings, identity, most=1, engine=request.engine) as engine:
+            engine.require_model(identity)
     if changed or request.overwrite:
-        journal.clear()
-    journal.set({"configuration": configuration, "fingerprint": fingerprint(configuration)})
-    gone = _gone(journal, inputs)
-    journal.forget(gone)
+        results.clear()
+    results.set({"configuration": configuration, "fingerprint": fingerprint(configuration)})
+    gone = _gone(results, inputs)
+    results.forget(gone)
     if files:
         files.sweep()
     return Plan(
@@ -156,7 +190,7 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
         hashes=hashes,
         identity=identity,
         configuration=configuration,
-        deciding=deciding,
+        contradictions=_contradictions(examples, hashes),
         files=files,
         announced=frozenset(
             label_folders(request.examples, request.out) if request.labels == "folder" else ()
@@ -165,22 +199,10 @@ def make_plan(request: RunRequest, journal: Journal, sandbox: Sandbox | None) ->
     )
 
 
-def _kernel(settings: Settings) -> str:
-    """The distance kernel that the settings name, or the fastest one; only this package's are tried."""
-    from gesture_core.classify.comparison import check_settings
-    from gesture_core.dtw.distances import choose_kernel
-
-    check_settings(settings)
-    name = settings.classify.kernel
-    if name != "auto" and not registry().find("kernel", name).origin.built_in:
-        return name
-    return choose_kernel(name, settings.dtw, settings.options)[0]
-
-
-def _examples(request: RunRequest, readers: Readers) -> list[Input]:
+def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
     if not request.examples:
         return []
-    found = discover(request.examples, avoid=request.out, readers=readers)
+    found = discover(request.examples, avoid=request.out, assistant=assistant)
     if all(item.kind == "other" for item in found):
         pictures = any(item.path.suffix.lower() in PICTURE_SUFFIXES for item in found)
         raise InputError(
@@ -191,11 +213,11 @@ def _examples(request: RunRequest, readers: Readers) -> list[Input]:
         )
     labelled = label_inputs(found, request.labels, request.examples)
     # What nobody reads is a lost example where it has a label; without one it was never meant as any.
-    return [item for item in labelled if item.kind != "other" or (item.label and not _is_companion(item))]
-
-
-def _is_companion(item: Input) -> bool:
-    return item.path.suffix.lower() in _COMPANIONS
+    return [
+        item
+        for item in labelled
+        if item.kind != "other" or (item.label and item.path.suffix.lower() not in _COMPANIONS)
+    ]
 
 
 def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:
@@ -222,34 +244,30 @@ def _stamp(item: Input) -> str:
         return ""
 
 
-def _sha256(journal: Journal, item: Input, now: str) -> str:
+def _sha256(results: Results, item: Input, now: str) -> str:
     """Content hash of an example, computed only where the file has been written since last time."""
-    known = journal.sha256(item.key, now) if now else ""
+    known = results.sha256(item.key, now) if now else ""
     if known:
         return known
     try:
         known = content_sha256(item.path)
     except OSError:
         return ""
-    journal.remember(item.key, now, known)
+    results.remember(item.key, now, known)
     return known
 
 
-def _is_done(journal: Journal, item: Input, now: str, done: dict[bytes, str]) -> bool:
-    return bool(now) and item.key in done and journal.sha256(item.key, now) == done[item.key]
-
-
-def _changes(journal: Journal, configuration: Mapping[str, Any], *, overwrite: bool) -> bool:
+def _changes(results: Results, configuration: Mapping[str, Any], *, overwrite: bool) -> bool:
     """Whether the folder's rows were made with other settings; an error unless that is wanted."""
-    before = journal.get("configuration")
+    before = results.get("configuration")
     changed = differences(json.loads(before), configuration) if before else []
-    if not changed or not journal.places():
+    if not changed or not results.places():
         return bool(changed)
     if not overwrite:
         lines = "\n  ".join(changed[:20]) + (f"\n  … and {len(changed) - 20} more" if changed[20:] else "")
         raise ConfigError(
             "holds a run made with other settings",
-            subject=str(journal.path.parent),
+            subject=str(results.path.parent),
             kept="its rows and all keypoints",
             remedy=f"--overwrite to begin again (keypoints are reused), or another --out\n  {lines}",
             code="E_CONFIG_CHANGED",
@@ -257,12 +275,26 @@ def _changes(journal: Journal, configuration: Mapping[str, Any], *, overwrite: b
     return True
 
 
-def _gone(journal: Journal, inputs: Sequence[Input]) -> list[bytes]:
+def _gone(results: Results, inputs: Sequence[Input]) -> list[bytes]:
     """Keys of rows whose input no longer exists, or is now read in another way."""
     keys = {item.key for item in inputs}
     places = {item.place for item in inputs}
     return [
         key
-        for key, place in journal.places()
+        for key, place in results.places()
         if key not in keys and (place in places or not os.path.lexists(place))
     ]
+
+
+def _contradictions(examples: Sequence[Input], hashes: Mapping[bytes, str]) -> dict[bytes, Input]:
+    alike: dict[tuple[str, str], list[Input]] = {}
+    for item in examples:
+        if hashes[item.key]:
+            alike.setdefault((hashes[item.key], item.member), []).append(item)
+    return {
+        item.key: other
+        for group in alike.values()
+        for item in group
+        for other in [next((one for one in group if one.label != item.label), None)]
+        if other is not None
+    }

@@ -1,130 +1,82 @@
-"""Whose keypoint file is it? Readers are asked; those of third parties in a process of their own."""
+"""Whose keypoint file is it? Readers are asked in a worker."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
+from contextlib import suppress
 from pathlib import Path
 
-from gesture_core.errors import GestureError, PluginError
-from gesture_core.plugin import registry
-from gesture_core.run.sandbox import Sandbox, SandboxDeath
+from gesture_core.errors import PluginError
+from gesture_core.plugin.registry import Registration, registry
+from gesture_core.run.workers.engines import Assistant
+from gesture_core.run.workers.functions import Answer, encoded
+from gesture_core.run.workers.process import WorkerError
 
 _TOGETHER = 1000
-
-Fault = tuple[str, str]
-"""Code and cause of a reader's failure to say whether a file is its own."""
-
-
-def accepts(reader: str, path: Path) -> bool | Fault:
-    """Whether ``reader`` takes ``path``; where that fails, why."""
-    try:
-        return bool(registry().make("reader", reader).accepts(path))
-    except GestureError as error:
-        return error.code, error.cause
-    except OSError as error:
-        return "E_READ", f"{_title(reader)} cannot read it: {error.strerror or error}"
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - a plugin may raise anything
-        return "E_PLUGIN_RAISED", f"{_title(reader)} raised {type(error).__name__}: {error}"
-
-
-def members(reader: str, path: Path) -> list[str]:
-    """Names of the sequences in ``path``, one at least.
-
-    Raises
-    ------
-    GestureError
-        What the reader says of the file, or a PluginError that names the reader.
-    """
-    try:
-        found = list(registry().make("reader", reader).members(path))
-    except GestureError:
-        raise
-    except (Exception, SystemExit) as error:
-        cause = f"{_title(reader)} raised {type(error).__name__}: {error}"
-        raise PluginError(cause, code="E_PLUGIN_RAISED") from error
-    if not found or not all(isinstance(member, str) for member in found):
-        cause = f"{_title(reader)} says that its members are {str(found)[:80]}"
-        raise PluginError(cause, code="E_PLUGIN_CONTRACT")
-    return found
-
-
-def _title(reader: str) -> str:
-    entry = registry().find("reader", reader)
-    return f"{entry.title} of {entry.origin}"
+"""Paths that a reader is asked about at once."""
 
 
 class Readers:
-    """All usable readers.
+    """Whose keypoint file is it? Readers are asked in a worker, and only about what may be theirs."""
 
-    Parameters
-    ----------
-    sandbox : Sandbox or None
-        Where those of third parties run; None for this process.
-    """
-
-    def __init__(self, sandbox: Sandbox | None) -> None:
+    def __init__(self, assistant: Assistant) -> None:
         plugins = registry()
-        self._sandbox = sandbox
-        self._names = plugins.names("reader", usable=True)
-        self._foreign = {
-            name
-            for name in self._names
-            if sandbox is not None and not plugins.find("reader", name).origin.built_in
-        }
-        self._known: dict[tuple[str, Path], bool | Fault] = {}
+        self._assistant = assistant
+        self._every = [plugins.find("reader", name) for name in plugins.names("reader", usable=True)]
+        self._answers: dict[tuple[str, Path], Answer] = {}
 
-    def of(self, path: Path) -> tuple[str, Fault | None]:
-        """The first reader by name that takes ``path``; or none, and how others failed at it."""
+    def expect(self, files: Sequence[Path]) -> None:
+        """Ask about many files at once, of which `of` is going to be asked one by one."""
+        self._answers.clear()
+        for reader in self._every:
+            mine = [file for file in files if _may_take(reader, file)]
+            for start in range(0, len(mine), _TOGETHER):
+                some = mine[start : start + _TOGETHER]
+                with suppress(
+                    WorkerError
+                ):  # one of them did it; each is asked about alone when its turn comes
+                    answers = self._ask(reader, some, retry=False)
+                    self._answers |= {
+                        (reader.name, file): answer for file, answer in zip(some, answers, strict=True)
+                    }
+
+    def of(self, path: Path, inside: Set[str] | None = None) -> tuple[str, tuple[str, str] | None]:
+        """The first reader by name that takes ``path``; or none, with code and cause of others' failures.
+
+        ``inside`` are the suffixes of the files in ``path``, where it is a folder.
+        """
         faults = []
-        for name in self._names:
-            answer = self._accepts(name, path)
+        for reader in self._every:
+            if not _may_take(reader, path, inside):
+                continue
+            answer = self._answers.get((reader.name, path))
+            try:
+                answer = self._ask(reader, [path])[0] if answer is None else answer
+            except WorkerError as error:
+                answer = error.code, f"{reader}: {error.cause}"
             if answer is True:
-                return name, None
+                return reader.name, None
             if answer:
                 faults.append(answer)
         return "", (faults[0][0], "; ".join(cause for _, cause in faults)) if faults else None
 
-    def expect(self, paths: Sequence[Path]) -> None:
-        """Ask the sandbox about many paths at once, of which `of` is going to be asked one by one."""
-        self._known.clear()
-        for reader in self._foreign:
-            for start in range(0, len(paths), _TOGETHER):
-                some = paths[start : start + _TOGETHER]
-                try:
-                    answers = self._ask(reader, some)
-                except SandboxDeath:  # one of them did it; each is asked about alone when its turn comes
-                    continue
-                self._known |= {(reader, path): answer for path, answer in zip(some, answers, strict=True)}
-
     def members(self, reader: str, path: Path) -> list[str]:
-        """As `members`; a death of the sandbox is a PluginError as well."""
-        if reader not in self._foreign:
-            return members(reader, path)
-        assert self._sandbox is not None
+        """Names of the sequences in ``path``; a PluginError where the reader ends its process."""
         try:
-            found: list[str] = self._sandbox.ask_twice("members", reader=reader, path=_hex(path))
-        except SandboxDeath as death:
-            raise PluginError(f"{_title(reader)}: {death.cause}", code=death.code) from death
+            found: list[str] = self._assistant.ask("members", {"reader": reader, "path": encoded(path)})
+        except WorkerError as error:
+            entry = registry().find("reader", reader)
+            raise PluginError(f"{entry}: {error.cause}", code=error.code) from error
         return found
 
-    def _accepts(self, reader: str, path: Path) -> bool | Fault:
-        if reader not in self._foreign:
-            return accepts(reader, path)
-        if (reader, path) in self._known:
-            return self._known[reader, path]
-        for _ in range(2):
-            try:
-                return self._ask(reader, [path])[0]
-            except SandboxDeath as death:
-                fault = death.code, f"{_title(reader)}: {death.cause}"
-        return fault
-
-    def _ask(self, reader: str, paths: Sequence[Path]) -> list[bool | Fault]:
-        assert self._sandbox is not None
-        answers = self._sandbox.ask("accepts", reader=reader, paths=[_hex(path) for path in paths])
+    def _ask(self, reader: Registration, paths: Sequence[Path], *, retry: bool = True) -> list[Answer]:
+        task = {"reader": reader.name, "paths": [encoded(path) for path in paths]}
+        answers = self._assistant.ask("accepts", task, retry=retry)
         return [answer if isinstance(answer, bool) else (answer[0], answer[1]) for answer in answers]
 
 
-def _hex(path: Path) -> str:
-    return os.fsencode(path).hex()
+def _may_take(reader: Registration, path: Path, inside: Set[str] | None = None) -> bool:
+    """Whether a reader, by what it has announced, is to be asked about a file or a folder."""
+    if inside is None:
+        return not reader.suffixes or path.suffix.lower() in reader.suffixes
+    return not reader.suffixes or (reader.folders and not inside.isdisjoint(reader.suffixes))

@@ -1,92 +1,132 @@
-"""The table that a run produces: one row for every person in every input."""
+"""From what came of an input and what was decided about each person to rows of the result."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-from gesture_core.types import Status
+from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input
+from gesture_core.run.workers.keypoints import Extracted
+from gesture_core.types import Prediction, Row
 
-_LONGEST = 10_000
+# Nothing went wrong with such an input: it was read, and no label is warranted.
+_NO_GESTURE = frozenset(
+    {"E_NO_PERSON", "E_POSE_SHORT", "E_POSE_SPARSE", "E_POSE_SCALE", "E_NO_SALIENT", "E_NO_COMMON"}
+)
+_READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
+_FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"
+PLUGIN_CODES = ("E_PLUGIN", "E_WORKER")
+"""How codes begin for which a plugin is to blame, not the input."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """One row of the result.
+def unread_row(item: Input, fingerprint: str) -> Row:
+    """The row of something that nobody reads (skipped), or that should be readable and is not (error)."""
+    status = "skipped" if item.kind == "other" else "error"
+    if item.kind == "other":
+        picture = item.path.suffix.lower() in PICTURE_SUFFIXES
+        remedy = f"{FRAMES if picture else 'another format'}, or a manifest that leaves it out"
+    elif item.code.startswith(PLUGIN_CODES):
+        remedy = "another version of the plugin, then --retry-errors"
+    elif item.code in _READING:
+        remedy = "check what it is and its permissions, then --retry-errors"
+    else:
+        remedy = "repairing it, then --retry-errors"
+    return Row(
+        item.name,
+        status=status,  # type: ignore[arg-type]
+        code=item.code or "E_NOT_AN_INPUT",
+        message=f"{item.name}: {item.fault}; try: {remedy}",
+        fingerprint=fingerprint,
+    )
 
-    Attributes
+
+def contradicting_row(item: Input, other: Input, sha256: str, fingerprint: str) -> Row:
+    """The row of an example that is as well an example of another label."""
+    return Row(
+        item.name,
+        sha256,
+        code="E_CONTRADICTION",
+        message=f"{item.name}: is called {item.label}, and {other.name}, with the same content, "
+        f"{other.label}; neither is used; try: only the right one of them",
+        fingerprint=fingerprint,
+    )
+
+
+def rows_of(
+    item: Input, found: Extracted, decided: Sequence[dict[str, Any]] | None, fingerprint: str
+) -> list[Row]:
+    """Rows of all people in one input, at least one.
+
+    Parameters
     ----------
-    input : str
-        The path as the user named it, ``path::member`` for a sequence inside a file.
-    sha256 : str
-        Of the content; empty where it could not be read.
-    person : int
-        Track number; 0 for the first or only one.
-    label : str or None
-        The gesture; only rows with the status ``ok`` or ``degraded`` have one.
-    distance : float or None
-    margin : float or None
-    neighbors : tuple of (example, label, distance)
-        As in `Prediction`.
-    status : str
-        ``ok``, ``degraded``, ``rejected``, ``skipped`` or ``error``.
-    code, message : str
-        Why, where the status is not ``ok``.
-    frames_declared : int or None
-        What the container claims.
-    frames_read, frames_with_pose : int
-    seconds : float
-        Length of what was read.
-    selected : tuple of str
-        Salient channels.
-    attempts : int
-    plugin : str
-        What found the keypoints: distribution and version.
+    item : Input
+    found : Extracted
+    decided : sequence of dict or None
+        The fields of a `Prediction` for each person; None where nothing is decided.
     fingerprint : str
-        Of everything that produced the row.
     """
-
-    input: str
-    sha256: str = ""
-    person: int = 0
-    label: str | None = None
-    distance: float | None = None
-    margin: float | None = None
-    neighbors: tuple[tuple[str, str, float], ...] = ()
-    status: Status = "error"
-    code: str = ""
-    message: str = ""
-    frames_declared: int | None = None
-    frames_read: int = 0
-    frames_with_pose: int = 0
-    seconds: float = 0.0
-    selected: tuple[str, ...] = ()
-    attempts: int = 1
-    plugin: str = ""
-    fingerprint: str = ""
-
-    def as_record(self) -> dict[str, Any]:
-        """The row as scalars: ``neighbors`` as JSON, ``selected`` joined by spaces, all text valid UTF-8."""
-        record = asdict(self)
-        record["neighbors"] = json.dumps(self.neighbors, ensure_ascii=False)
-        record["selected"] = " ".join(self.selected)
-        if len(self.message) > _LONGEST:  # a plugin's error may be of any length
-            record["message"] = f"{self.message[:_LONGEST]}…"
-        return {name: _valid(value) if isinstance(value, str) else value for name, value in record.items()}
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Row:
-        """The inverse of `as_record`."""
-        values = {name: record[name] for name in COLUMNS}
-        values["neighbors"] = tuple((e, label, d) for e, label, d in json.loads(record["neighbors"]))
-        values["selected"] = tuple(record["selected"].split())
-        return cls(**values)
-
-
-def _valid(text: str) -> str:
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+    base = Row(
+        item.name,
+        found.sha256,
+        frames_declared=found.frames_declared,
+        frames_read=found.frames_read,
+        seconds=found.seconds,
+        attempts=found.attempts,
+        plugin=found.plugin,
+        fingerprint=fingerprint,
+    )
+    if found.code:
+        return [replace(base, code=found.code, message=_about(item, found.message))]
+    if not found.people:
+        message = (
+            f"{item.name}: nobody was found in {found.frames_read} frames; "
+            "try: another --pose or --model, or gesture render to see what the network sees"
+        )
+        nobody = replace(base, status="rejected", code="E_NO_PERSON", message=message)
+        return [_with_damage(nobody, item, found)]
+    rows = []
+    for number, (person, frames) in enumerate(found.people):
+        prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
+        row = replace(
+            base,
+            person=person,
+            label=prediction.label,
+            distance=prediction.distance,
+            margin=prediction.margin,
+            neighbors=prediction.neighbors,
+            status="rejected" if prediction.code in _NO_GESTURE else prediction.status,
+            code=prediction.code,
+            message=_about(item, prediction.message)
+            + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
+            frames_with_pose=frames,
+            selected=prediction.selected,
+        )
+        rows.append(_with_damage(row, item, found))
+    return rows
 
 
-COLUMNS: tuple[str, ...] = tuple(f.name for f in fields(Row))
+def prediction_of(tree: dict[str, Any]) -> Prediction:
+    """A prediction from its fields, after JSON."""
+    neighbors = tuple((name, label, distance) for name, label, distance in tree.get("neighbors", ()))
+    fields = {"label": None} | tree | {"neighbors": neighbors, "selected": tuple(tree.get("selected", ()))}
+    return Prediction(**fields)
+
+
+def _with_damage(row: Row, item: Input, found: Extracted) -> Row:
+    """The row, if frames of its input are lost: a label is degraded, a missing label is an error."""
+    if found.complete or row.status == "error":
+        return row
+    otherwise = f"; otherwise: {row.code} {row.message.removeprefix(f'{item.name}: ')}" if row.code else ""
+    return replace(
+        row,
+        status="degraded" if row.status == "ok" else "error",
+        code="E_MEDIA_PARTIAL",
+        message=f"{item.name}: {'; '.join(found.notes) or 'frames are missing'}; "
+        f"kept: {found.frames_read} frames; try: repairing the file{otherwise}",
+    )
+
+
+def _about(item: Input, message: str) -> str:
+    """``message`` with the input's name in front, once."""
+    return f"{item.name}: {message.removeprefix(f'{item.name}: ')}" if message else ""

@@ -1,4 +1,5 @@
-"""The keypoint store: one Parquet file for each (content, pose settings), verified when read.
+"""The keypoint store: one Parquet file for each (content, pose settings), verified when read, and kept
+below its limit.
 
 A file has one row for each person and frame, the columns ``person``, ``time`` and, for every joint,
 ``<joint>_x``, ``<joint>_y`` and ``<joint>_score``; missing joints are null. Facts about the input
@@ -10,7 +11,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_core.run.atomic import replacing
+from gesture_core.files import TEMPORARY, cache_dir, open_regular, replacing
 from gesture_core.skeletons import COCO18, skeleton
 from gesture_core.types import PoseSequence
 
@@ -27,6 +30,10 @@ _METADATA = b"gesture_core"
 _MAGIC = b"PAR1"
 _MAX_BYTES = 1 << 30
 _MAX_ROWS = 5_000_000
+_TYPES: Mapping[str, type] = {"person": np.int32, "time": np.float64}
+"""Of columns; coordinates and scores are float32."""
+SPARED_SECONDS = 86_400.0
+"""What was used in the last day stays, whatever the limit: another run may be about to read it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,23 +52,27 @@ class Stored:
     facts: Mapping[str, Any]
 
 
+def keypoint_store() -> Path:
+    """Folder of the keypoint store, shared by all runs."""
+    return cache_dir() / "keypoints"
+
+
 def write_keypoints(path: Path, sequences: Sequence[PoseSequence], facts: Mapping[str, Any]) -> None:
     """Write ``sequences``, all of one skeleton, and ``facts`` (plain values) to a Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     name = sequences[0].skeleton if sequences else COCO18.name
-    joints = skeleton(name).joints
+    joints = len(skeleton(name).joints)
+    person = np.concatenate([np.empty(0), *(np.full(len(s), s.person) for s in sequences)])
+    times = np.concatenate([np.empty(0), *(s.times for s in sequences)])
+    points = np.concatenate([np.empty((0, joints, 2)), *(s.keypoints for s in sequences)])
+    scores = np.concatenate([np.empty((0, joints)), *(s.scores for s in sequences)])
+    values = np.concatenate([points, scores[..., None]], axis=2).reshape(len(points), 3 * joints)
     columns = {
-        "person": _stack([np.full(len(s), s.person, np.int32) for s in sequences], (), np.int32),
-        "time": _stack([s.times for s in sequences], (), np.float64),
+        column: np.ascontiguousarray(array.astype(_TYPES.get(column, np.float32)))
+        for column, array in zip(_columns(name), (person, times, *values.T), strict=True)
     }
-    points = _stack([s.keypoints for s in sequences], (len(joints), 2), np.float32)
-    scores = _stack([s.scores for s in sequences], (len(joints),), np.float32)
-    for index, joint in enumerate(joints):
-        columns[f"{joint}_x"] = points[:, index, 0]
-        columns[f"{joint}_y"] = points[:, index, 1]
-        columns[f"{joint}_score"] = scores[:, index]
     header = {
         "format": FORMAT,
         "skeleton": name,
@@ -91,73 +102,61 @@ def read_keypoints(path: Path, source: str = "") -> Stored:
     try:
         return _read(path, subject)
     except (Exception, RecursionError) as error:
+        cause = error.cause if isinstance(error, KeypointError) else str(error)
         raise KeypointError(
-            f"not a whole keypoint file: {error}",
+            f"not a whole keypoint file: {cause}",
             subject=subject,
             remedy="delete it and extract again",
             code="E_STORE",
         ) from error
 
 
-def _read(path: Path, subject: str) -> Stored:
+def _read(path: Path, source: str) -> Stored:
     import pyarrow.parquet as pq
 
-    if path.stat().st_size > _MAX_BYTES:
-        raise ValueError(f"larger than {_MAX_BYTES} bytes")
-    with path.open("rb") as file:
+    with open_regular(path, _MAX_BYTES, KeypointError) as file:
         parquet = pq.ParquetFile(file)
         if parquet.metadata.num_rows > _MAX_ROWS:
             raise ValueError(f"{parquet.metadata.num_rows} rows, at most {_MAX_ROWS}")
         header = json.loads((parquet.schema_arrow.metadata or {})[_METADATA])
         if header["format"] != FORMAT:
             raise ValueError(f"format {header['format']}, this version reads {FORMAT}")
-        names = _names(skeleton(header["skeleton"]).joints)
+        names = _columns(header["skeleton"])
         table = parquet.read(columns=names)
-    columns = {name: _column(table, name) for name in names}
+    columns = {
+        name: table.column(name).to_numpy().astype(_TYPES.get(name, np.float32), copy=False) for name in names
+    }
     if _checksum(header, columns) != header["checksum"]:
         raise ValueError("the content does not match its checksum")
-    sequences = [_sequence(entry, header["skeleton"], columns, subject) for entry in header["people"]]
+    person, times, *values = columns.values()
+    joints = np.stack(values, axis=1).reshape(len(times), len(values) // 3, 3)
+    sequences = []
+    for entry in header["people"]:
+        rows, size = person == int(entry["person"]), entry["frame_size"]
+        sequences.append(
+            PoseSequence(
+                joints[rows, :, :2],
+                joints[rows, :, 2],
+                times[rows],
+                header["skeleton"],
+                (int(size[0]), int(size[1])) if size else None,
+                int(entry["person"]),
+                source,
+                {str(key): str(value) for key, value in entry["provenance"].items()},
+            )
+        )
     return Stored(sequences, dict(header["facts"]))
 
 
-def _names(joints: Sequence[str]) -> list[str]:
-    return ["person", "time", *(f"{joint}_{part}" for joint in joints for part in ("x", "y", "score"))]
-
-
-def _column(table: Any, name: str) -> np.ndarray:
-    dtype = {"person": np.int32, "time": np.float64}.get(name, np.float32)
-    return table.column(name).to_numpy().astype(dtype, copy=False)
-
-
-def _sequence(
-    entry: Mapping[str, Any], name: str, columns: Mapping[str, np.ndarray], source: str
-) -> PoseSequence:
-    rows = columns["person"] == int(entry["person"])
+def _columns(name: str) -> list[str]:
     joints = skeleton(name).joints
-    x = np.stack([columns[f"{joint}_x"][rows] for joint in joints], axis=1)
-    y = np.stack([columns[f"{joint}_y"][rows] for joint in joints], axis=1)
-    scores = np.stack([columns[f"{joint}_score"][rows] for joint in joints], axis=1)
-    size = entry["frame_size"]
-    return PoseSequence(
-        np.stack([x, y], axis=2),
-        scores,
-        columns["time"][rows],
-        name,
-        (int(size[0]), int(size[1])) if size else None,
-        int(entry["person"]),
-        source,
-        {str(key): str(value) for key, value in entry["provenance"].items()},
-    )
-
-
-def _stack(parts: Sequence[np.ndarray], shape: tuple[int, ...], dtype: type) -> np.ndarray:
-    return np.concatenate([np.empty((0, *shape), dtype), *parts])
+    return ["person", "time", *(f"{joint}_{part}" for joint in joints for part in ("x", "y", "score"))]
 
 
 def _checksum(header: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> str:
     """Of the header (without the checksum itself) and the numbers."""
-    told = {key: value for key, value in header.items() if key != "checksum"}
-    digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
+    facts = {key: value for key, value in header.items() if key != "checksum"}
+    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
     for name, column in columns.items():
         digest.update(name.encode() + np.ascontiguousarray(column).tobytes())
     return digest.hexdigest()
@@ -179,4 +178,46 @@ class StoreReader:
 
     def read(self, path: Path, member: str = "") -> list[PoseSequence]:
         """The sequences of the file, one for each person."""
+        if member:
+            raise KeypointError(f"has no member {member!r}", subject=path.name, code="E_KEYPOINTS_MEMBER")
         return read_keypoints(path).sequences
+
+
+def mark_used(path: Path) -> None:
+    """Note that a file of the store has been used now."""
+    with suppress(OSError):  # a store that may only be read is as good
+        os.utime(path)
+
+
+def prune(store: Path, mebibytes: int) -> int:
+    """Delete the files of the store that were used longest ago until the others fit.
+
+    Parameters
+    ----------
+    store : Path
+        Its files are in folders one level down.
+    mebibytes : int
+        What may stay, apart from what was used in the last day. Temporary files that a killed run
+        left more than a day ago go in any case.
+
+    Returns
+    -------
+    int
+        Files that were deleted.
+    """
+    old = time.time() - SPARED_SECONDS
+    found = []
+    with suppress(FileNotFoundError):
+        for folder in os.scandir(store):
+            for entry in os.scandir(folder) if folder.is_dir(follow_symlinks=False) else ():
+                with suppress(FileNotFoundError):
+                    facts = entry.stat(follow_symlinks=False)
+                    found.append((facts.st_mtime, facts.st_size, Path(entry.path)))
+    room, gone = mebibytes << 20, 0
+    for used, size, path in sorted(found, reverse=True):
+        room -= size
+        if used < old and (room < 0 or TEMPORARY in path.name):
+            with suppress(OSError):  # another run was quicker, or it is not ours to delete
+                path.unlink()
+                gone += 1
+    return gone

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gesture_core.errors import GestureError, PluginError, PoseError, SignalError
-from gesture_core.plugin import registry
 from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
+from gesture_core.plugin.registry import calling, name_of, registry
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
 from gesture_core.skeletons import COCO18
 from gesture_core.types import PoseSequence, Signals
@@ -92,14 +92,16 @@ class Chain:
 
     def _steps(self, pose: PoseSequence) -> Signals:
         signals = self.normalised(pose)
-        mask = _guard(self.selector, "select", signals)
+        with calling(self.selector):
+            mask = self.selector.select(signals)
         if np.shape(mask) != (len(signals.channels),):
             raise _broke(self.selector, f"returned a mask of shape {np.shape(mask)}")
         if np.asarray(mask).dtype.kind == "f" and not np.isfinite(mask).all():
             raise _broke(self.selector, "returned a mask with NaN or infinity")
         signals = replace(signals, mask=np.asarray(mask, bool))
         for step in self.filters:
-            signals = _guard(step, "apply", signals)
+            with calling(step):
+                signals = step.apply(signals)
             if not isinstance(signals, Signals):
                 raise _broke(step, f"returned {type(signals).__name__} instead of Signals")
         if not (self.allow_still or signals.selected):
@@ -117,7 +119,8 @@ class Chain:
         joints, _ = fill_gaps(pose.keypoints, pose.times, self.gaps)
         # Scores of interpolated joints stay zero, so that later steps know them from seen ones.
         dense = replace(pose, keypoints=joints, scores=pose.scores)
-        points = _guard(self.normalizer, "normalize", dense)
+        with calling(self.normalizer):
+            points = self.normalizer.normalize(dense)
         if np.shape(points) != (len(pose), len(COCO18.joints), 2):
             raise _broke(self.normalizer, f"returned coordinates of shape {np.shape(points)}")
         # Frames that the normalizer does not trust are gaps like any other.
@@ -143,25 +146,7 @@ def _make(settings: Settings, kind: str, name: str) -> Any:
     return registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
 
 
-def _guard(plugin: Any, method: str, argument: Any) -> Any:
-    """``plugin.method(argument)``; anything but a GestureError is said to be the plugin's fault."""
-    try:
-        return getattr(plugin, method)(argument)
-    except MemoryError:
-        raise
-    except GestureError as error:
-        origin = registry().origin(plugin)
-        if origin and not origin.built_in:
-            error.cause += f" ({type(plugin).__qualname__} of {origin})"
-        raise
-    except (Exception, SystemExit) as error:
-        raise _broke(plugin, f"raised {type(error).__name__}: {error}") from error
-
-
-def _broke(plugin: Any, what: str) -> PluginError:
-    kind, origin = type(plugin), registry().origin(plugin)
+def _broke(plugin: object, what: str) -> PluginError:
     return PluginError(
-        f"{kind.__module__}.{kind.__qualname__}{f' of {origin}' if origin else ''} {what}",
-        remedy="repair or replace the plugin",
-        code="E_PLUGIN_CONTRACT",
+        f"{name_of(plugin)} {what}", remedy="repair or replace the plugin", code="E_PLUGIN_CONTRACT"
     )

@@ -1,7 +1,20 @@
-"""Probing and decoding videos: frames with their real timestamps, damage counted.
+"""Videos: frames with their real time stamps, upright, and an account of what was lost.
 
-`reader.open_video` opens one: `sniff` opens the file and tells its container from its first bytes,
-`pyav_source` or `opencv_source` decodes it, `clock` makes its stamps seconds, `upright` turns its
-pictures. What is lost on the way is told to an `info.Ledger`: by FFmpeg (`pyav_ear`), by counts at the
-end (`account`), and by the structure of an mp4 (`boxes`, `fragments`, `edits`) or Matroska file (`elements`).
+A frame travels like this. `open_video` (`reader`) makes the video reader that a name stands for, a plugin.
+Its class of `VideoDecoder` (`decoder`) opens the file if it is a regular file that begins as a video
+(`containers`), and decodes stored pictures with the container's stamps. The base class makes seconds of the
+stamps, turns pictures upright, keeps their size constant (`frames`) and holds the limits. What goes wrong on
+the way is written to a `DamageLog`; at the end `Integrity` (`integrity`) compares what came with what the
+container promised, by its counts and by its structure (`integrity.iso`, `integrity.matroska`). The report of
+the video says all of it.
+
+Public for plugins of the kind ``video``, besides `gesture_core.errors` and `gesture_core.plugin.interfaces`:
+the names below.
 """
+
+from gesture_core.video.containers import CONTAINERS
+from gesture_core.video.decoder import VideoDecoder
+from gesture_core.video.integrity import DamageLog, Integrity
+from gesture_core.video.reader import open_video, reader_name
+
+__all__ = ["CONTAINERS", "DamageLog", "Integrity", "VideoDecoder", "open_video", "reader_name"]

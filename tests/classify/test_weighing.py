@@ -22,7 +22,7 @@ from gesture_core.classify.neighbors import votes_of
 from gesture_core.classify.weighing import Weighing, learn_weights
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
-from gesture_core.run.run import RunSummary
+from gesture_core.run.pipeline import RunSummary
 from gesture_core.settings import load_settings
 
 ALL = load_settings("modern", ["neighbors=0"], environment={})

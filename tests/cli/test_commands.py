@@ -105,11 +105,12 @@ def test_exports_agree(run: Path, tmp_path: Path) -> None:
 
 
 def test_cells_that_a_spreadsheet_would_run_are_neutralised(tmp_path: Path) -> None:
-    from gesture_core.run.rows import COLUMNS, Row
-    from gesture_core.run.writers import CsvWriter
+    from gesture_core.run.export import CsvWriter
+    from gesture_core.types import COLUMNS, Row
 
     names = ["=1+1", "+x", "-x", "@x", "plain", "\tx"]
-    CsvWriter().write((Row(name).as_record() for name in names), COLUMNS, tmp_path / "x.csv")
+    records = (Row("").as_record() | {"input": name} for name in names)
+    CsvWriter().write(records, COLUMNS, tmp_path / "x.csv")
     with (tmp_path / "x.csv").open(newline="", encoding="utf-8") as file:
         cells = [row["input"] for row in csv.DictReader(file)]
     assert cells == ["'=1+1", "'+x", "'-x", "'@x", "plain", "'\tx"]

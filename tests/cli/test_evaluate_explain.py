@@ -107,7 +107,7 @@ def test_a_protocol_that_does_not_fit_is_refused_before_anything_is_extracted(
     def extract_all(*_: object, **__: object) -> None:
         raise AssertionError("hours of work for nothing")
 
-    monkeypatch.setattr("gesture_core.run.extraction.extract_all", extract_all)
+    monkeypatch.setattr("gesture_core.run.extract.extract_all", extract_all)
     few = ["--subjects", "_([A-Z])", "--protocol", "donor", "--grid", "neighbors=1,4"]
     for extra in (
         ["--protocol", "leave-one-subject-out"],
@@ -131,7 +131,7 @@ def test_what_is_not_installed_is_said_before_anything_is_extracted(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.setattr("gesture_core.run.discovery.discover", None)
+    monkeypatch.setattr("gesture_core.run.inputs.discover", None)
     assert run(["evaluate", str(archive), "--protocol", "leave-one-out", *more]) == 1
     said = capsys.readouterr().err
     assert f"E_MISSING_DEPENDENCY gesture evaluate needs {module}; try: pip install" in said

@@ -8,7 +8,7 @@ import pytest
 
 from gesture_core.cli import progress
 from gesture_core.cli.progress import _Bar, _Counter, _JsonLines
-from gesture_core.run.rows import Row
+from gesture_core.types import Row
 
 
 def go(listener: _Counter) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gesture_core.cli.screen import counted, keypoint_table, print_reasons, result_table, visible
-from gesture_core.run.rows import Row
+from gesture_core.types import Row
 
 
 def rows() -> list[Row]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gesture_core.cli.classify import say_summary
-from gesture_core.run.run import RunSummary
+from gesture_core.run.pipeline import RunSummary
 
 
 def said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], **facts: object) -> list[str]:

@@ -5,20 +5,23 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from distributions import gesture, make_distribution
 
 from gesture_core.errors import ConfigError, MissingDependencyError, PluginError
 from gesture_core.plugin import hookimpl, registry
-from gesture_core.plugin.loader import load_registry, register_module
-from gesture_core.plugin.registry import Origin, Registry
+from gesture_core.plugin.hooks import Register
+from gesture_core.plugin.registry import Origin, Registry, load_registry, register_module
 
 
-def registered(hook: str, *calls: dict, origin: str = "other", found: Registry | None = None) -> Registry:
+def registered(
+    hook: str, *calls: dict[str, Any], origin: str = "other", found: Registry | None = None
+) -> Registry:
     """A registry after a plugin from ``origin`` made ``calls`` in ``hook``."""
 
-    def implementation(register) -> None:  # type: ignore[no-untyped-def]
+    def implementation(register: Register) -> None:
         for call in calls:
             register(**call)
 
@@ -74,11 +77,11 @@ def test_mistakes_become_faults() -> None:
 
 
 def test_a_hook_that_raises_costs_only_its_own_kind() -> None:
-    def fails(register) -> None:  # type: ignore[no-untyped-def]
+    def fails(register: Register) -> None:
         register(name="early", target="json:loads")
         raise SystemExit("no")
 
-    def works(register) -> None:  # type: ignore[no-untyped-def]
+    def works(register: Register) -> None:
         register(name="fine", target="json:loads")
 
     found = Registry()
@@ -162,3 +165,45 @@ def test_a_broken_distribution_is_a_line_and_the_rest_works(tmp_path: Path) -> N
     asked = gesture("plugins", "gaussian", path=tmp_path)
     assert asked.returncode != 0
     assert "clash 1.0" in asked.stderr and "gesture-core" in asked.stderr
+
+
+def test_check_finds_what_only_making_a_plugin_shows(tmp_path: Path) -> None:
+    make_distribution(
+        tmp_path,
+        "faulty",
+        """
+        from gesture_core import hookimpl
+
+        class Blind:
+            skeleton, batch_size = "coco18", 1
+            def estimate(self, frames, people="single"): return [[] for _ in frames]
+
+        class Needy:
+            def __init__(self, wanted): self.wanted = wanted
+
+        class Raising:
+            def __init__(self): raise LookupError("nothing here")
+
+        class Idle: pass
+
+        @hookimpl
+        def register_pose_backends(register): register("blind", "faulty:Blind")
+
+        @hookimpl
+        def register_filters(register): register("needy", "faulty:Needy")
+
+        @hookimpl
+        def register_selectors(register): register("raising", "faulty:Raising")
+
+        @hookimpl
+        def register_normalizers(register): register("idle", "faulty:Idle")
+        """,
+    )
+    checked = gesture("plugins", "--check", path=tmp_path)
+    assert checked.returncode == 3
+    shown = " ".join(checked.stdout.split())
+    assert "it must take model, as every pose backend does" in shown
+    assert "raised LookupError: nothing here" in shown
+    assert "it has no normalize, as every normalizer does" in shown
+    (needy,) = (line for line in checked.stdout.splitlines() if " needy " in line)
+    assert " ok " in needy  # its option has no default, so that only the user can make it

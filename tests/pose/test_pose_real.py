@@ -12,7 +12,7 @@ from gesture_core.plugin import registry
 from gesture_core.pose.extract import extract_poses
 from gesture_core.pose.models import find_model
 from gesture_core.skeletons import COCO18
-from gesture_core.video.reader import open_video
+from gesture_core.video import open_video
 
 UPPER = [i for i, joint in enumerate(COCO18.joints) if joint.endswith(("neck", "shoulder", "elbow", "wrist"))]
 

@@ -16,6 +16,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import contextmanager
 from pathlib import Path
 
 MOST_AT_RANDOM = 3
@@ -26,7 +27,7 @@ def arm(count: int) -> None:
     """Kill this process right before its ``count``-th call that changes what is on the disk."""
     import pyarrow.parquet as pq
 
-    from gesture_core.run import journal
+    from gesture_core.run import results
 
     left = count
 
@@ -43,9 +44,16 @@ def arm(count: int) -> None:
     os.fsync = counted(os.fsync)
     Path.replace = counted(Path.replace)  # type: ignore[method-assign]
     pq.write_table = counted(pq.write_table)
-    transaction = journal._Transaction
-    transaction.__enter__ = counted(transaction.__enter__)  # type: ignore[method-assign]
-    transaction.__exit__ = counted(transaction.__exit__)  # type: ignore[method-assign]
+    transaction = results.Results._transaction
+
+    @contextmanager
+    def killed(self):  # type: ignore[no-untyped-def]
+        counted(lambda: None)()
+        with transaction(self):
+            yield
+            counted(lambda: None)()
+
+    results.Results._transaction = killed  # type: ignore[method-assign]
 
 
 class Victim:
@@ -113,8 +121,9 @@ class Victim:
             os._exit(code)
 
     def _run(self, out: Path) -> None:
+        from gesture_core.run.archive import as_strings
         from gesture_core.run.pipeline import run_archive
-        from gesture_core.run.run import RunRequest, as_strings
+        from gesture_core.run.plan import RunRequest
         from gesture_core.settings import load_settings
 
         settings = load_settings("paper", environment={}, classify__kernel="numpy")
@@ -131,7 +140,7 @@ class Victim:
         self._clean("run")
 
     def _export(self, name: str) -> list[bytes]:
-        from gesture_core.run.exporting import export_rows
+        from gesture_core.run.export import export_rows
         from gesture_core.settings import LimitSettings
 
         exported = export_rows(self._folder / name, "csv", None, LimitSettings())

@@ -17,13 +17,12 @@ import numpy as np
 
 from gesture_core.errors import GestureError
 from gesture_core.plugin import registry
-from gesture_core.run.discovery import discover
-from gesture_core.run.extractor import Extractor
+from gesture_core.run.inputs import discover
 from gesture_core.run.labels import label_inputs
 from gesture_core.run.store import write_keypoints
-from gesture_core.run.work import Job, Task
+from gesture_core.run.workers.worker import Worker
 from gesture_core.settings import Settings, load_settings
-from gesture_core.types import PoseSequence
+from gesture_core.types import Job, PoseSequence, Task
 
 _FRAMES = 12
 
@@ -79,7 +78,8 @@ def check_library(folder: Path, name: str, data: bytes) -> str:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
     settings = load_settings("paper", environment={})
-    job = Job(settings, folder / "store", {f"reader {r}": r for r in registry().names("reader")})
+    keys = {f"reader {r}": r for r in registry().names("reader")}
+    worker = Worker(Job(settings.as_dict(), str(folder / "store"), keys), lambda message: None)
     try:
         if name == "labels.csv":
             discover([path])
@@ -88,10 +88,8 @@ def check_library(folder: Path, name: str, data: bytes) -> str:
         items = label_inputs(discover([folder / "examples"]), "folder", [folder / "examples"])
         codes = [item.code for item in items if item.kind == "broken"]
         assert all(item.fault and item.name for item in items if item.kind != "keypoints")
-        for number, item in enumerate(i for i in items if i.kind == "keypoints"):
-            outcome = Extractor(job)(
-                Task(number, item.path, item.kind, item.member, item.reader), lambda _: None
-            )
+        for item in (i for i in items if i.kind == "keypoints"):
+            outcome = worker.extractor(item.path, item.member, item.reader)
             assert outcome.code != "E_PLUGIN_RAISED", outcome.message
             assert bool(outcome.stored) != bool(outcome.code) and bool(outcome.message) == bool(outcome.code)
             codes.append(outcome.code)
@@ -107,10 +105,10 @@ def check_library(folder: Path, name: str, data: bytes) -> str:
 def check_model(path: Path, settings: Settings) -> str:
     """``ok`` or the code of a network in a file, found, loaded and tried on a known picture."""
     settings = replace(settings, pose=replace(settings.pose, model=str(path)))
-    outcome = Extractor(Job(settings, path.parent / "store", {}))(Task(0, path, "probe"), lambda _: None)
-    assert outcome.code != "E_PLUGIN_RAISED", outcome.message
-    assert bool(outcome.message) == bool(outcome.code)
-    return outcome.code or "ok"
+    worker = Worker(Job(settings.as_dict(), str(path.parent / "store")), lambda message: None)
+    error = worker.perform(Task(0, "try_model")).error
+    assert error is None or (error.code != "E_PLUGIN_RAISED" and error.cause), error
+    return error.code if error else "ok"
 
 
 def _facts() -> dict[str, object]:

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import psutil
 
-from gesture_core.run.pipeline import run_archive
-from gesture_core.run.rows import Row
-from gesture_core.run.run import Listener, RunRequest
+from gesture_core.run.pipeline import Listener, run_archive
+from gesture_core.run.plan import RunRequest
 from gesture_core.settings import load_settings
+from gesture_core.types import Row
 
 _MARKS = 20
 
@@ -47,7 +47,9 @@ def main(source: str, examples: str, out: str) -> None:
         "paper", environment={}, classify__kernel="jax", pose__backend="trouble-pose", pose__reader="opencv"
     )
     watch = Watch()
-    summary = run_archive(RunRequest((source,), Path(out), settings, (examples,), workers=1), watch)
+    # In this process, so that what decides, and what it compiles, can be looked at.
+    request = RunRequest((source,), Path(out), settings, (examples,), engine="inline")
+    summary = run_archive(request, watch)
     from gesture_dtw_jax.hard import hard_tile
 
     rows = sum(summary.counts.values())

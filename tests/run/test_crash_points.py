@@ -14,7 +14,7 @@ from conftest import ROOT
 from distributions import gesture
 
 from gesture_core.demo.archive import DemoArchive
-from gesture_core.run.journal import open_journal
+from gesture_core.run.results import open_results
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
 
@@ -67,5 +67,5 @@ def test_a_full_disk_is_fatal_and_leaves_what_was_committed(
     assert re.search(r"E_(STORE_WRITE|RUN_WRITE|RUN_DAMAGED|OS) ", full.stderr)
     again = gesture(*arguments)
     assert again.returncode in (0, 3), again.stderr
-    with open_journal(tmp_path / "run") as journal:
+    with open_results(tmp_path / "run") as journal:
         assert len(list(journal.rows())) == 3

@@ -11,9 +11,9 @@ import pytest
 
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.run.discovery import discover
+from gesture_core.files import printable
+from gesture_core.run.inputs import discover
 from gesture_core.run.labels import label_inputs
-from gesture_core.run.manifests import printable
 
 
 def names(*sources: str | Path, avoid: Path | None = None) -> list[str]:

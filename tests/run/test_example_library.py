@@ -13,7 +13,7 @@ from troubles import write_clip
 
 from gesture_core import classify_archive, load_poses
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.run.run import RunSummary
+from gesture_core.run.pipeline import RunSummary
 
 
 @pytest.fixture

@@ -17,22 +17,21 @@ from troubles import write_archive, write_clip
 
 from gesture_core import classify_archive, load_poses
 from gesture_core.errors import RunFolderError
-from gesture_core.run.atomic import TEMPORARY
-from gesture_core.run.discovery import discover
-from gesture_core.run.journal import open_journal
-from gesture_core.run.lock import run_lock
+from gesture_core.files import TEMPORARY
+from gesture_core.run.inputs import discover
 from gesture_core.run.pipeline import run_archive
-from gesture_core.run.pruning import SPARED_SECONDS, mark_used, prune
-from gesture_core.run.rows import Row
-from gesture_core.run.run import RunRequest
+from gesture_core.run.plan import RunRequest
+from gesture_core.run.results import open_results, run_lock
+from gesture_core.run.store import SPARED_SECONDS, mark_used, prune
 from gesture_core.settings import load_settings
+from gesture_core.types import Row
 
 
 def test_folders_may_be_nested_deeper_than_functions(tmp_path: Path) -> None:
     deepest = tmp_path.joinpath(*["a"] * 200)
     deepest.mkdir(parents=True)
     (deepest / "x.mp4").touch()
-    script = "import sys; from gesture_core.run.discovery import discover; sys.setrecursionlimit(150)\n"
+    script = "import sys; from gesture_core.run.inputs import discover; sys.setrecursionlimit(150)\n"
     script += "print([item.kind for item in discover([sys.argv[1]])])"
     done = subprocess.run(
         [sys.executable, "-c", script, str(tmp_path)], capture_output=True, text=True, timeout=120
@@ -86,7 +85,7 @@ def test_two_people_with_one_number_are_two_rows(tmp_path: Path) -> None:
         "extract", tmp_path / "videos", "--out", tmp_path / "run", "--set", "pose.people=multi", path=site
     )
     assert done.returncode == 0, done.stderr
-    with open_journal(tmp_path / "run") as journal:
+    with open_results(tmp_path / "run") as journal:
         assert [row.person for row in journal.rows()] == [0, 1]
     assert "noise" not in done.stdout, "standard output is for results"
 
@@ -185,7 +184,9 @@ def test_a_folder_that_cannot_be_locked_is_refused(tmp_path: Path, monkeypatch: 
 
 
 def test_a_dead_holder_leaves_no_lock(tmp_path: Path) -> None:
-    script = "import sys, os, signal\nfrom pathlib import Path\nfrom gesture_core.run.lock import run_lock\n"
+    script = (
+        "import sys, os, signal\nfrom pathlib import Path\nfrom gesture_core.run.results import run_lock\n"
+    )
     script += "with run_lock(Path(sys.argv[1])):\n    os.kill(os.getpid(), signal.SIGKILL)\n"
     killed = subprocess.run([sys.executable, "-c", script, str(tmp_path)], timeout=60)
     assert killed.returncode == -9
@@ -232,7 +233,7 @@ def test_a_store_that_cannot_be_flushed_is_fatal_and_leaves_what_was_committed(
             run()
     assert caught.value.code == "E_STORE_WRITE" and "every committed row" in str(caught.value)
     run()
-    with open_journal(tmp_path / "run") as journal:
+    with open_results(tmp_path / "run") as journal:
         assert [row.status for row in journal.rows()] == ["ok"] * 3
     assert not list((tmp_path / "cache").rglob(f"*{TEMPORARY}*"))
 
@@ -269,6 +270,6 @@ def test_a_disk_without_space_is_fatal_and_leaves_what_was_committed(
     (tiny_disk / "ballast").unlink()
     again = gesture(*arguments, "--quiet", GESTURE_CACHE=str(tmp_path / "roomy"))
     assert again.returncode in (0, 3), again.stderr
-    with open_journal(places["run"]) as journal:
+    with open_results(places["run"]) as journal:
         rows = list(journal.rows())
     assert len(rows) == 12 and all(np.isfinite(row.distance) for row in rows if row.label)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from troubles import write_clip
 
-from gesture_core.run.pipeline import run_archive
-from gesture_core.run.run import RunRequest, RunSummary
+from gesture_core.run.pipeline import RunSummary, run_archive
+from gesture_core.run.plan import RunRequest
 from gesture_core.run.store import read_keypoints
 from gesture_core.settings import load_settings
 

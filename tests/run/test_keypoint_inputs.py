@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gesture_core.run.discovery import discover
-from gesture_core.run.extractor import Extractor
 from gesture_core.run.fingerprint import pose_identity, pose_keys
+from gesture_core.run.inputs import discover
 from gesture_core.run.store import read_keypoints, write_keypoints
-from gesture_core.run.work import Job, Outcome, Task
+from gesture_core.run.workers.keypoints import Extracted, KeypointExtractor
 from gesture_core.settings import load_settings
 from gesture_core.skeletons import COCO18
-from gesture_core.types import PoseSequence
+from gesture_core.types import Job, PoseSequence
 
 FRAMES = 12
 
@@ -44,12 +43,12 @@ def write(folder: Path, kind: str, people: list[PoseSequence]) -> Path:
     return path
 
 
-def extract(path: Path, **changes: object) -> tuple[Outcome, list[PoseSequence]]:
+def extract(path: Path, **changes: object) -> tuple[Extracted, list[PoseSequence]]:
     settings = load_settings("paper", environment={}, **changes)
     (item,) = discover([path])
     store = path.parent / "store"
-    extractor = Extractor(Job(settings, store, pose_keys(pose_identity(settings, with_model=False))))
-    outcome = extractor(Task(0, path, item.kind, item.member, item.reader), lambda _: None)
+    job = Job(settings.as_dict(), str(store), pose_keys(pose_identity(settings, with_model=False)))
+    outcome = KeypointExtractor(job, settings, lambda _: None)(path, item.member, item.reader)
     return outcome, read_keypoints(store / outcome.stored).sequences if outcome.stored else []
 
 
@@ -57,11 +56,11 @@ def extract(path: Path, **changes: object) -> tuple[Outcome, list[PoseSequence]]
 def test_one_person_is_the_default_and_all_are_there_for_multi(tmp_path: Path, kind: str) -> None:
     path = write(tmp_path, kind, [somebody(0, 0.4), somebody(1, 0.9)])
     outcome, (found,) = extract(path)
-    assert outcome.people == 1 and found.person == 0
+    assert len(outcome.people) == 1 and found.person == 0
     np.testing.assert_allclose(found.keypoints, somebody(1, 0.9).keypoints)
     assert outcome.complete == (kind == "csv"), "what the file knows of its video stays known"
     outcome, found_all = extract(path, pose__people="multi")
-    assert outcome.people == 2 and [pose.person for pose in found_all] == [0, 1]
+    assert len(outcome.people) == 2 and [pose.person for pose in found_all] == [0, 1]
 
 
 @pytest.mark.parametrize("kind", ["parquet", "csv"])
@@ -79,4 +78,4 @@ def test_joints_below_the_score_are_missing(tmp_path: Path, kind: str) -> None:
     (sure,) = extract(path, pose__score=0.3)[1]
     assert sure.seen[:, :13].all() and not sure.seen[:, 13].any() and sure.seen[:, 14:].all()
     assert len(extract(path, pose__score=0.5, pose__people="multi")[1]) == 1
-    assert extract(path, pose__score=0.95)[0].people == 0
+    assert extract(path, pose__score=0.95)[0].people == ()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.run.discovery import Input, discover
+from gesture_core.run.inputs import Input, discover
 from gesture_core.run.labels import label_inputs
 
 

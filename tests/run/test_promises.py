@@ -19,7 +19,7 @@ from distributions import gesture, make_distribution
 from gesture_core import classify_archive, load_poses
 from gesture_core.demo.archive import DemoArchive, write_archive
 from gesture_core.errors import ConfigError, GestureError, InputError
-from gesture_core.run.run import RunSummary
+from gesture_core.run.pipeline import RunSummary
 from gesture_core.run.store import read_keypoints, write_keypoints
 from gesture_core.types import PoseSequence
 
@@ -118,7 +118,7 @@ def test_a_folder_of_keypoint_files_hides_no_video(drawn: DemoArchive, tmp_path:
     shutil.copytree(drawn.video_keypoints / "clip_01", mixed)
     shutil.copy(drawn.videos / "clip_01.mp4", mixed)
     shutil.copytree(drawn.video_keypoints / "clip_02", mixed / "below")
-    from gesture_core.run.discovery import discover
+    from gesture_core.run.inputs import discover
 
     assert sorted(item.kind for item in discover([mixed])) == ["keypoints", "keypoints", "video"]
 

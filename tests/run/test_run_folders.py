@@ -10,10 +10,10 @@ import pytest
 from troubles import write_clip
 
 from gesture_core.errors import ConfigError, RunFolderError
-from gesture_core.run.discovery import discover
-from gesture_core.run.journal import open_journal
-from gesture_core.run.pipeline import run_archive
-from gesture_core.run.run import RunRequest, RunSummary
+from gesture_core.run.inputs import discover
+from gesture_core.run.pipeline import RunSummary, run_archive
+from gesture_core.run.plan import RunRequest
+from gesture_core.run.results import open_results
 from gesture_core.settings import load_settings
 
 
@@ -43,9 +43,9 @@ def test_what_a_run_leaves_is_neither_an_input_nor_an_example(folder: Path) -> N
 def test_a_folder_of_runs_is_told_from_a_run(folder: Path) -> None:
     run(folder, "runs/first")
     with pytest.raises(RunFolderError, match=r"holds no run; try: .*such as .*runs/first$"):
-        open_journal(folder / "runs")
+        open_results(folder / "runs")
     with pytest.raises(RunFolderError, match=r"gesture classify wrote$"):
-        open_journal(folder / "videos")
+        open_results(folder / "videos")
 
 
 def test_rows_that_go_with_their_inputs_are_counted(folder: Path) -> None:

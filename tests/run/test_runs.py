@@ -19,11 +19,10 @@ from distributions import gesture, make_distribution
 from gesture_core import classify_archive, load_poses
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, GestureError, InputError, RunFolderError
-from gesture_core.run.atomic import TEMPORARY
-from gesture_core.run.journal import open_journal
-from gesture_core.run.lock import run_lock
-from gesture_core.run.rows import Row
-from gesture_core.run.run import Listener, RunSummary
+from gesture_core.files import TEMPORARY
+from gesture_core.run.pipeline import Listener, RunSummary
+from gesture_core.run.results import open_results, run_lock
+from gesture_core.types import Row
 
 
 def classify(drawn: DemoArchive, out: Path, **options) -> RunSummary:  # type: ignore[no-untyped-def]
@@ -92,7 +91,7 @@ def test_what_changed_is_said_in_the_words_of_the_settings(drawn: DemoArchive, t
 
 def test_settings_that_touch_no_keypoint_change_no_extraction(drawn: DemoArchive, tmp_path: Path) -> None:
     from gesture_core.run.pipeline import run_archive
-    from gesture_core.run.run import RunRequest
+    from gesture_core.run.plan import RunRequest
     from gesture_core.settings import load_settings
 
     for preset, done in (("paper", 12), ("modern", 0)):
@@ -209,7 +208,7 @@ def test_a_damaged_journal_is_said(drawn: DemoArchive, tmp_path: Path) -> None:
     with pytest.raises(RunFolderError, match="cannot be used"):
         classify(drawn, tmp_path / "run")
     with pytest.raises(RunFolderError, match="holds no run"):
-        open_journal(tmp_path)
+        open_results(tmp_path)
 
 
 def test_a_damaged_keypoint_file_is_extracted_again(drawn: DemoArchive, tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
@@ -232,7 +231,7 @@ def test_load_poses_gives_sequences_or_the_first_error(drawn: DemoArchive, tmp_p
 
 
 def canonical(folder: Path) -> list[Row]:
-    with open_journal(folder) as journal:
+    with open_results(folder) as journal:
         return sorted(journal.rows(), key=lambda row: (row.input, row.person))
 
 

@@ -87,7 +87,7 @@ WRITERS = {
 EXPORT = """
 import os, sys
 from pathlib import Path
-from gesture_core.run.exporting import export_rows
+from gesture_core.run.export import export_rows
 from gesture_core.errors import GestureError
 from gesture_core.settings import LimitSettings
 

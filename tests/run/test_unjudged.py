@@ -10,9 +10,11 @@ import pytest
 from distributions import gesture, make_distribution
 from troubles import write_archive
 
-from gesture_core.run.discovery import discover
-from gesture_core.run.journal import open_journal
-from gesture_core.run.rows import Row
+from gesture_core.run.inputs import discover
+from gesture_core.run.results import open_results
+from gesture_core.run.workers.engines import Assistant
+from gesture_core.settings import LimitSettings
+from gesture_core.types import Job, Row
 
 READER = """
     import os
@@ -51,7 +53,7 @@ def run(site: Path, folder: Path, *options: str, **environment: str) -> tuple[in
         "--preset", "paper", "--kernel", "numpy", *options, path=site, **environment,
     )  # fmt: skip
     assert "Traceback" not in done.stderr, done.stderr
-    with open_journal(folder / "run") as journal:
+    with open_results(folder / "run") as journal:
         found = list(journal.rows())
     rows = {Path(row.input).name: row for row in found}
     assert len(rows) == len(found), "an input has two rows"
@@ -106,12 +108,14 @@ def test_a_closed_keypoint_file_is_no_stranger(
 ) -> None:
     (tmp_path / name).write_bytes(b"closed")
 
+    here = Assistant(Job({}, ""), LimitSettings(), inline=True)
+
     def closed(path: os.PathLike[str], *rest: int, **options: int) -> int:
         raise PermissionError(13, os.strerror(13), os.fspath(path))
 
-    (item,) = discover([tmp_path])
+    (item,) = discover([tmp_path], assistant=here)
     assert item.kind == "other"
     monkeypatch.setattr(os, "open", closed)
     monkeypatch.setattr(Path, "open", closed)
-    (item,) = discover([tmp_path])
+    (item,) = discover([tmp_path], assistant=here)
     assert item.kind == "broken" and "Permission denied" in item.fault

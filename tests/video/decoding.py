@@ -99,7 +99,7 @@ class _Worker:
 
 def _decode(reader: str, path: str) -> dict[str, Any]:
     from gesture_core.errors import MediaError
-    from gesture_core.video.reader import open_video
+    from gesture_core.video import open_video
 
     frames, last = 0, -float("inf")
     try:

@@ -10,7 +10,7 @@ import cv2
 import pytest
 
 from gesture_core.errors import MediaError
-from gesture_core.video.reader import open_video
+from gesture_core.video import open_video
 
 WHOLE, PART = "complete", "incomplete"
 # file: (PyAV: outcome, frames), (OpenCV: outcome, frames)

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 from clips import FRAMES, KINDS, SIZE, make_clips, picture, write_clip
 
-from gesture_core.errors import ConfigError, MediaError
-from gesture_core.video.info import MediaReport
-from gesture_core.video.limits import Limits
-from gesture_core.video.reader import open_video, probe, reader_name
+from gesture_core.errors import ConfigError, MediaError, PluginError
+from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReport
+from gesture_core.video import open_video, reader_name
 
 pytest.importorskip("av", reason="clips are made with PyAV")
 READERS = ("pyav", "opencv")
@@ -28,11 +27,16 @@ def clips(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def read(path: Path | str, reader: str, **limits: float) -> tuple[list[float], list[np.ndarray], MediaReport]:
-    with open_video(path, reader, Limits(**limits)) as video:  # type: ignore[arg-type]
+def read(path: Path | str, reader: str, **limits: float) -> tuple[list[float], list[np.ndarray], VideoReport]:
+    with open_video(path, reader, VideoLimits(**limits)) as video:  # type: ignore[arg-type]
         items = list(video)
         assert all(frame.shape == (video.info.height, video.info.width, 3) for _, frame in items)
         return [time for time, _ in items], [frame for _, frame in items], video.report
+
+
+def probe(path: Path, reader: str) -> VideoInfo:
+    with open_video(path, reader) as video:
+        return video.info
 
 
 def code_of(path: Path | str, reader: str, **limits: float) -> str:
@@ -203,7 +207,7 @@ def test_a_giant_picture_costs_no_memory(tmp_path: Path) -> None:
     script = (
         "import sys\n"
         "from gesture_core.errors import MediaError\n"
-        "from gesture_core.video.reader import open_video\n"
+        "from gesture_core.video import open_video\n"
         "for reader in ('pyav', 'opencv'):\n"
         "    try:\n"
         "        list(open_video(sys.argv[1], reader))\n"
@@ -260,7 +264,10 @@ def test_the_environment_and_the_log_level_are_left_as_they_were(clips: Path) ->
 
 def test_readers_are_named() -> None:
     assert reader_name("auto") in READERS
-    with pytest.raises(ConfigError):
+    with pytest.raises(PluginError, match="one of opencv, pyav") as caught:
         reader_name("vlc")
+    assert caught.value.code == "E_PLUGIN_UNKNOWN"
+    with pytest.raises(ConfigError, match="has no option 'threads'"):
+        open_video("a.mp4", "auto", options={"pyav": {"threads": 2}, "opencv": {"threads": 2}})
     with pytest.raises(ConfigError):
-        Limits(max_frames=0)
+        VideoLimits(max_frames=0)

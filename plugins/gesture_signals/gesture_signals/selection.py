@@ -35,7 +35,8 @@ class VarianceThreshold:
 
     def select(self, signals: Signals) -> np.ndarray:
         """(D,) bool: the channel moves."""
-        return running_median(signals.values, self.median_radius).var(axis=0) > self.t_var
+        moves: np.ndarray = running_median(signals.values, self.median_radius).var(axis=0) > self.t_var
+        return moves
 
 
 @dataclass(frozen=True)

@@ -32,4 +32,5 @@ class ShoulderNormalizer:
         right, left = joint(pose, "right_shoulder"), joint(pose, "left_shoulder")
         width = np.linalg.norm(right - left, axis=1)
         scale = trusted(width, self.floor, "distance between the shoulders", pose.source, extent(pose))
-        return relative_to_neck(pose) / scale[:, None, None]
+        points: np.ndarray = relative_to_neck(pose) / scale[:, None, None]
+        return points

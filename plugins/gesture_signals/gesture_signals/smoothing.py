@@ -75,7 +75,9 @@ def smooth(values: np.ndarray, sigma: float) -> np.ndarray:
     """
     from scipy.ndimage import gaussian_filter1d
 
-    return gaussian_filter1d(values, min(sigma, 4.0 * len(values), WIDEST), axis=0, mode="reflect")
+    width = min(sigma, 4.0 * len(values), WIDEST)
+    smoothed: np.ndarray = gaussian_filter1d(values, width, axis=0, mode="reflect")
+    return smoothed
 
 
 def check_radius(radius: object) -> None:
@@ -90,4 +92,6 @@ def running_median(values: np.ndarray, radius: int) -> np.ndarray:
         return values
     from scipy.ndimage import median_filter
 
-    return median_filter(values.astype(np.float64), size=(2 * radius + 1, 1), mode="mirror")
+    size = (2 * radius + 1, 1)
+    median: np.ndarray = median_filter(values.astype(np.float64), size=size, mode="mirror")
+    return median

@@ -46,7 +46,9 @@ class TorsoNormalizer:
             length = self.shoulders * np.linalg.norm(across, axis=1)
             what = "distance between the shoulders"
         length = trusted(length, self.floor, what, pose.source, extent(pose))
-        return relative_to_neck(pose) / running_median(length, pose.times, self.window)[:, None, None]
+        scale = running_median(length, pose.times, self.window)[:, None, None]
+        points: np.ndarray = relative_to_neck(pose) / scale
+        return points
 
 
 def running_median(values: np.ndarray, times: np.ndarray, window: float) -> np.ndarray:

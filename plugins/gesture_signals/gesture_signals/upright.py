@@ -49,9 +49,11 @@ class UprightNormalizer:
                 code="E_POSE_SCALE",
             )
         right, down = (-up[1] / length, up[0] / length), (-up[0] / length, -up[1] / length)
-        return scaled @ np.array([right, down]).T
+        turned: np.ndarray = scaled @ np.array([right, down]).T
+        return turned
 
 
 def _sum(vectors: np.ndarray) -> np.ndarray:
     """(2,) sum of the (T, 2) ``vectors`` that are known."""
-    return np.nansum(vectors, axis=0)
+    total: np.ndarray = np.nansum(vectors, axis=0)
+    return total

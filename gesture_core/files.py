@@ -1,0 +1,184 @@
+"""Files and their names: where the package keeps things, how untrusted files are opened and read, how
+files are written whole or not at all, their content hashes, and how a name is printed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import secrets
+import stat as modes
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from gesture_core.errors import GestureError, InputError
+
+TEMPORARY = ".tmp-"
+"""In the name of every file that has not taken its place yet."""
+_PIECE = 8 << 20
+_READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+"""Opening a named pipe would otherwise wait for somebody who writes."""
+_UNPRINTABLE = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters, line and paragraph separators, changes of the writing direction, half characters."""
+
+
+def cache_dir() -> Path:
+    """Folder of what may be deleted, keypoints above all: ``$GESTURE_CACHE``, or the user's cache folder."""
+    override = os.environ.get("GESTURE_CACHE")
+    if override:
+        return Path(override).expanduser()
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("gesture-core", appauthor=False))
+
+
+def models_dir() -> Path:
+    """Folder of added model files: ``$GESTURE_MODELS``, or ``models`` in the user's data folder."""
+    override = os.environ.get("GESTURE_MODELS")
+    if override:
+        return Path(override).expanduser()
+    import platformdirs
+
+    return Path(platformdirs.user_data_dir("gesture-core", appauthor=False)) / "models"
+
+
+def offline() -> bool:
+    """Whether ``$GESTURE_OFFLINE`` forbids downloads."""
+    return os.environ.get("GESTURE_OFFLINE", "").lower() not in ("", "0", "false", "no")
+
+
+def printable(name: str | os.PathLike[str]) -> str:
+    """A name as text that can be shown and stored anywhere.
+
+    Bytes of a file name that are no UTF-8 become ``\\xNN``; so does whatever would move a cursor, break a
+    line or turn the writing direction.
+    """
+    return _UNPRINTABLE.sub(_escaped, os.fspath(name))
+
+
+def _escaped(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    # Python keeps a byte that is no UTF-8 as half a character.
+    return f"\\x{code - 0xDC00:02x}" if 0xDC80 <= code <= 0xDCFF else ascii(found[0])[1:-1]
+
+
+def open_regular(
+    path: Path, limit: int, error: type[GestureError] = InputError, prefix: str = "E"
+) -> BinaryIO:
+    """Open the regular file ``path`` of at most ``limit`` bytes for reading.
+
+    Parameters
+    ----------
+    path : Path
+    limit : int
+        Bytes.
+    error : type of GestureError
+        What is raised.
+    prefix : str
+        How its codes begin.
+
+    Raises
+    ------
+    GestureError
+        ``<prefix>_MISSING`` where there is no such file, ``<prefix>_UNREADABLE`` for what is no regular
+        file or may not be read, ``<prefix>_LIMIT`` for a larger one.
+    """
+    name = printable(path)
+    try:
+        descriptor = os.open(path, _READ)
+    except FileNotFoundError as cause:
+        raise error(
+            "no such file", subject=name, remedy="check the path", code=f"{prefix}_MISSING"
+        ) from cause
+    except (OSError, ValueError) as cause:
+        text = cause.strerror if isinstance(cause, OSError) else str(cause)
+        raise error(
+            f"cannot be opened: {text}",
+            subject=name,
+            remedy="check its permissions",
+            code=f"{prefix}_UNREADABLE",
+        ) from cause
+    status = os.fstat(descriptor)
+    if not modes.S_ISREG(status.st_mode):
+        os.close(descriptor)
+        raise error("is not a regular file", subject=name, remedy="leave it out", code=f"{prefix}_UNREADABLE")
+    if status.st_size > limit:
+        os.close(descriptor)
+        raise error(
+            f"has {status.st_size} bytes, more than the {limit} that such a file may have",
+            subject=name,
+            code=f"{prefix}_LIMIT",
+        )
+    return os.fdopen(descriptor, "rb")
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path beside ``path`` that takes its place when the block ends without an error."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # The suffix stays: a writer may choose by it what it writes.
+    temporary = path.with_name(f".{secrets.token_hex(8)}{TEMPORARY}{path.name[-40:]}")
+    try:
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        temporary.replace(path)
+        if os.name == "posix":  # Windows cannot open a folder, and renames there are journalled
+            folder = os.open(path.parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def content_sha256(path: Path, on_piece: Callable[[], None] = lambda: None) -> str:
+    """SHA-256 of a file, or of the names and hashes of the regular files directly in a folder.
+
+    ``on_piece`` is called as pieces are read, as a sign of progress. Raises OSError.
+    """
+    if path.is_dir():
+        digest = hashlib.sha256()
+        for entry in _regular_files(path):
+            digest.update(os.fsencode(entry.name) + b"\0" + content_sha256(entry, on_piece).encode() + b"\n")
+        return digest.hexdigest()
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while piece := file.read(_PIECE):
+            digest.update(piece)
+            on_piece()
+    return digest.hexdigest()
+
+
+def stamp(path: Path) -> str:
+    """What changes when a file, or a regular file directly in a folder, is written, added or renamed.
+
+    Raises OSError where the path cannot be looked at.
+    """
+    if path.is_dir():
+        digest = hashlib.sha256()
+        for entry in _regular_files(path):
+            digest.update(os.fsencode(entry.name) + b"\0" + stamp(entry).encode())
+        return digest.hexdigest()
+    found = path.stat()
+    return json.dumps((found.st_size, found.st_mtime_ns, found.st_ctime_ns))
+
+
+def _regular_files(folder: Path) -> Iterator[Path]:
+    for entry in sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name)):
+        try:
+            regular = modes.S_ISREG(entry.stat().st_mode)
+        except OSError:  # a link that leads nowhere holds nothing
+            continue
+        if regular:
+            yield entry
+
+
+def tree_sha256(tree: Any) -> str:
+    """SHA-256 of a tree of plain values, whatever the order of its keys."""
+    return hashlib.sha256(json.dumps(tree, sort_keys=True, ensure_ascii=True).encode()).hexdigest()

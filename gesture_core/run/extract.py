@@ -1,0 +1,200 @@
+"""Keypoints of many inputs through an execution engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from gesture_core.errors import ModelError, PluginError, RunFolderError
+from gesture_core.files import cache_dir, tree_sha256
+from gesture_core.plugin.interfaces import Closeable, ExecutionEngine
+from gesture_core.plugin.registry import Registration, calling, registry
+from gesture_core.run.fingerprint import pose_identity, pose_keys
+from gesture_core.run.inputs import Input
+from gesture_core.run.store import keypoint_store, prune
+from gesture_core.run.workers.functions import encoded
+from gesture_core.run.workers.keypoints import Extracted
+from gesture_core.run.workers.process import WorkerError
+from gesture_core.settings import Settings
+from gesture_core.types import Job, Outcome, Task
+
+OnFrames = Callable[[str, int], None]
+
+
+class OpenEngine:
+    """An execution engine with its job; as a context manager, so that its workers live as long as it does.
+
+    Parameters
+    ----------
+    settings : Settings
+    identity : mapping
+        From `fingerprint.pose_identity`.
+    most : int
+        Inputs in the largest call.
+    workers : int
+        0 for one for each core.
+    engine : str
+        Name of an execution engine.
+    on_frames : callable
+        Takes the input's name and the number of further frames that are done.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        identity: Mapping[str, Any],
+        *,
+        most: int,
+        workers: int = 0,
+        engine: str = "processes",
+        on_frames: OnFrames = lambda name, count: None,
+    ) -> None:
+        workers = max(1, min(workers or usable_cores(), most))
+        threads = max(1, usable_cores() // workers)
+        self._settings = settings
+        self._job = Job(settings.as_dict(), str(keypoint_store()), pose_keys(identity), threads)
+        self._entry = registry().find("engine", engine)
+        options = settings.plugin_options(engine)
+        self._engine: ExecutionEngine = registry().make(
+            "engine", engine, options, workers=workers, limits=settings.limits
+        )
+        self._on_frames = on_frames
+
+    def __enter__(self) -> OpenEngine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if isinstance(self._engine, Closeable):
+            self._engine.close()
+
+    def extract(self, items: Sequence[Input]) -> Iterator[tuple[Input, Extracted]]:
+        """What came of each of ``items``, as they come.
+
+        Raises
+        ------
+        RunFolderError
+            ``E_STORE_WRITE`` where the keypoint store cannot be written.
+        PluginError
+            Where the engine raises.
+        """
+        tasks = [
+            Task(n, "extract", {"path": encoded(item.path), "member": item.member, "reader": item.reader})
+            for n, item in enumerate(items)
+        ]
+        for outcome in self._run(tasks, lambda task, count: self._on_frames(items[task.number].name, count)):
+            item = items[outcome.number]
+            entry = plugin_of(item, self._settings)
+            if outcome.error is None:
+                found = Extracted.from_tree(outcome.value)
+            elif isinstance(outcome.error, RunFolderError):
+                outcome.error.kept = "every committed row"
+                raise outcome.error
+            else:
+                crashed = isinstance(outcome.error, WorkerError) and outcome.error.code == "E_WORKER_CRASH"
+                if crashed and item.kind == "video":
+                    outcome.error.remedy = (
+                        "repair the file, or --set pose.reader=… with the other video reader"
+                    )
+                found = Extracted(complete=False).failed(outcome.error)
+            yield item, replace(found, plugin=str(entry.origin), attempts=outcome.attempts)
+
+    def require_model(self, identity: Mapping[str, Any]) -> None:
+        """Try the network that the settings name on a known picture; what passed once is not tried again.
+
+        Raises
+        ------
+        ModelError
+            Where it cannot be loaded, ends its process, or answers with anything but keypoints.
+        RunFolderError
+            ``E_STORE_WRITE`` where the cache cannot be written.
+        """
+        mark = cache_dir() / "probed" / tree_sha256(identity["video"])[:32]
+        if mark.exists():
+            return
+        try:
+            mark.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RunFolderError(
+                f"the cache cannot be written: {error.strerror or error}",
+                subject=str(cache_dir()),
+                remedy="its permissions, or another folder in GESTURE_CACHE",
+                code="E_STORE_WRITE",
+            ) from error
+        for outcome in self._run([Task(0, "try_model")], lambda task, count: None):
+            if outcome.error:
+                raise ModelError(
+                    f"fails on a known picture: {outcome.error}",
+                    subject=self._settings.pose.model,
+                    remedy="another --model or --pose; 'gesture models' lists them",
+                    code="E_MODEL_PROBE",
+                )
+        mark.touch()
+
+    def _run(self, tasks: Sequence[Task], on_frames: Callable[[Task, int], None]) -> Iterator[Outcome]:
+        """One outcome for each task, whatever the engine yields."""
+        waiting = {task.number for task in tasks}
+        if not tasks:
+            return
+        instead = "--engine processes, or report it"
+        outcomes: Iterator[Outcome] = iter(())
+        with calling(self._entry, kept="every committed row", remedy=instead):
+            outcomes = iter(self._engine.run(self._job, tasks, on_frames))
+        while True:
+            with calling(self._entry, kept="every committed row", remedy=instead):
+                outcome = next(outcomes, None)
+            if outcome is None:
+                break
+            if outcome.number in waiting:
+                waiting.remove(outcome.number)
+                yield outcome
+        for number in sorted(waiting):
+            cause = f"{self._entry} gave no outcome"
+            yield Outcome(number, error=PluginError(cause, remedy=instead, code="E_PLUGIN_CONTRACT"))
+
+
+def extract_all(
+    items: Sequence[Input],
+    settings: Settings,
+    *,
+    identity: Mapping[str, Any] | None = None,
+    workers: int = 0,
+    engine: str = "processes",
+    on_frames: OnFrames = lambda name, count: None,
+) -> Iterator[tuple[Input, Extracted]]:
+    """What came of each of ``items``, videos and keypoint files, from an engine of their own.
+
+    The parameters are those of `OpenEngine`; without ``identity``, it is found. The model is tried first
+    where there are videos; as after a run, the keypoint store is then brought below its limit.
+    """
+    if not items:
+        return
+    videos = any(item.kind == "video" for item in items)
+    identity = pose_identity(settings, videos) if identity is None else identity
+    added = False
+    with OpenEngine(
+        settings, identity, most=len(items), workers=workers, engine=engine, on_frames=on_frames
+    ) as opened:
+        if videos:
+            opened.require_model(identity)
+        for item, found in opened.extract(items):
+            added |= bool(found.stored) and not found.cached
+            yield item, found
+    if added:
+        prune(keypoint_store(), settings.limits.cache)
+
+
+def plugin_of(item: Input, settings: Settings) -> Registration:
+    """What finds the keypoints of an input."""
+    if item.kind == "video":
+        return registry().find("pose", settings.pose.backend)
+    return registry().find("reader", item.reader)
+
+
+def usable_cores() -> int:
+    """Cores that this process may use, where the system says; else all of the machine's."""
+    import os
+
+    if hasattr(os, "sched_getaffinity"):  # Linux; neither macOS nor Windows
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

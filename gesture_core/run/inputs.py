@@ -1,0 +1,352 @@
+"""From what the user typed to a list of inputs, in a stable order: files, folders, globs, manifests."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import glob
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gesture_core.errors import GestureError, InputError
+from gesture_core.files import printable
+from gesture_core.run.readers import Readers
+from gesture_core.run.results import OWN_FILES
+from gesture_core.run.workers.engines import Assistant
+from gesture_core.settings import LimitSettings
+from gesture_core.types import Job
+
+VIDEO_SUFFIXES = frozenset(
+    ".mp4 .m4v .mov .qt .avi .mkv .webm .flv .f4v .wmv .asf .mpg .mpeg .m2v .vob .ts .mts .m2ts "
+    ".3gp .3g2 .ogv .ogg .mxf .dv .gif .264 .h264 .265 .h265 .hevc .mjpg .mjpeg .y4m".split()
+)
+PICTURE_SUFFIXES = frozenset(".jpg .jpeg .png .bmp .ppm .tif .tiff .webp".split())
+FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4)"
+"""What to try with a picture."""
+NO_TEXT, SAVE_AS_TEXT = "is not text in UTF-8", "saving it as UTF-8"
+_PATH_COLUMNS = ("path", "input", "file", "video")
+
+
+@dataclass(frozen=True)
+class Input:
+    """One thing to classify, or one example.
+
+    Attributes
+    ----------
+    path : Path
+        File or folder.
+    name : str
+        As shown to the user; bytes that are no UTF-8 are escaped.
+    kind : "video", "keypoints", "broken" or "other"
+        What nobody reads is ``other`` and gets a row with the status ``skipped``; what should be
+        readable and is not is ``broken`` and gets an error.
+    member : str
+        The sequence inside a file or folder that holds several.
+    reader : str
+        Name of the keypoint reader.
+    label : str or None
+        The gesture, for examples and labelled archives.
+    code, fault : str
+        Why it cannot be read, where that is already known.
+    """
+
+    path: Path
+    name: str
+    kind: str
+    member: str = ""
+    reader: str = ""
+    label: str | None = None
+    code: str = ""
+    fault: str = ""
+
+    @property
+    def key(self) -> bytes:
+        """Identity inside a run: the exact bytes of the absolute path, and the member."""
+        return self.place + b"\0" + self.member.encode("utf-8", "surrogatepass")
+
+    @property
+    def place(self) -> bytes:
+        """The exact bytes of the absolute path."""
+        return os.fsencode(os.path.normpath(self.path.absolute()))
+
+
+def discover(
+    sources: Sequence[str | os.PathLike[str]],
+    *,
+    avoid: Path | None = None,
+    assistant: Assistant | None = None,
+) -> list[Input]:
+    """Inputs in ``sources``: files, folders (walked), globs, or text and CSV manifests.
+
+    Parameters
+    ----------
+    sources : sequence of path
+        A text manifest (``.txt``) has one path a line; a CSV manifest has a column ``path`` and
+        perhaps ``label``. Relative paths in it start at its own folder.
+    avoid : Path, optional
+        A folder that is not walked into: the run folder.
+    assistant : Assistant, optional
+        Where keypoint readers are asked what is theirs; one of its own by default.
+
+    Returns
+    -------
+    list of Input
+        Each once, sorted by name within a folder. Names that begin with a dot, and the journals of
+        runs, are passed over.
+
+    Raises
+    ------
+    InputError
+        Where a source or a path in a manifest does not exist, or is listed with two labels.
+    """
+    if assistant is None:
+        with Assistant(Job({}, ""), LimitSettings()) as own:
+            return discover(sources, avoid=avoid, assistant=own)
+    walk = _Walk(avoid, Readers(assistant))
+    found: dict[bytes, Input] = {}
+    for source in sources:
+        if "://" in os.fspath(source):
+            raise InputError(
+                "is an address", subject=str(source), remedy="downloading it first", code="E_NOT_FOUND"
+            )
+        for item in walk.source(Path(source)):
+            known = found.setdefault(item.key, item)
+            if known.label and item.label and known.label != item.label:
+                raise InputError(
+                    f"is listed as {known.label} and as {item.label}",
+                    subject=item.name,
+                    remedy="one line for it in the manifest",
+                    code="E_CONTRADICTION",
+                )
+    return list(found.values())
+
+
+class _Walk:
+    """Remembers which folders it has been in, so that no link leads round in circles."""
+
+    def __init__(self, avoid: Path | None, readers: Readers) -> None:
+        self._avoid = _identity(avoid) if avoid and avoid.exists() else None
+        self._readers = readers
+        self._been: set[tuple[int, int]] = set()
+
+    def source(self, path: Path) -> Iterator[Input]:
+        """Inputs of something that the user named: a path, a glob or a manifest."""
+        if path.is_file() and (entries := read_manifest(path)) is not None:
+            for entry, label in entries:
+                if not _exists(entry):
+                    raise _not_found(
+                        entry, f"in {printable(os.fspath(path))}, which is read as a list of paths"
+                    )
+                if label:  # a folder inside another one has been walked into, by another label perhaps
+                    self._been.clear()
+                for item in self.path(entry):
+                    yield replace(item, label=label) if label else item
+        elif path.exists():
+            yield from self.path(path)
+        else:
+            text = os.fspath(path)
+            matches = sorted(glob.glob(text, recursive=True)) if glob.has_magic(text) else []  # noqa: PTH207
+            if not matches:
+                raise _not_found(path)
+            for match in matches:
+                yield from self.path(Path(match))
+
+    def path(self, path: Path) -> Iterator[Input]:
+        """Inputs in a file or folder."""
+        if not path.is_dir():
+            yield from self._file(path)
+            return
+        # Folders may be nested deeper than functions can be.
+        open_folders = [self._folder(path)]
+        while open_folders:
+            item = next(open_folders[-1], None)
+            if item is None:
+                open_folders.pop()
+            elif isinstance(item, Path):
+                open_folders.append(self._folder(item))
+            else:
+                yield item
+
+    def _folder(self, folder: Path) -> Iterator[Input | Path]:
+        """What is directly in a folder: inputs, and folders to go into."""
+        try:
+            identity = _identity(folder)
+            if identity == self._avoid or identity in self._been:
+                return
+            self._been.add(identity)
+            entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
+            folders = set()
+            for entry in entries:
+                with suppress(
+                    OSError
+                ):  # a link into a folder that is closed to us; it is a row like any other
+                    folders |= {entry} if entry.is_dir() else set()
+        except OSError as error:
+            yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
+            return
+        entries = [e for e in entries if not e.name.startswith(".") and e.name not in OWN_FILES]
+        files = [entry for entry in entries if entry not in folders and not _is_video(entry)]
+        self._readers.expect(files)
+        reader, fault = self._readers.of(folder, {file.suffix.lower() for file in files})
+        if reader:
+            yield from self._members(folder, reader)
+        for entry in entries:
+            if entry in folders:
+                yield entry
+            else:
+                for item in self._file(entry):
+                    if item.kind != "other":
+                        yield item
+                    elif fault:  # it may have been a folder of keypoint files; nobody can say
+                        yield replace(item, kind="broken", code=fault[0], fault=f"of its folder, {fault[1]}")
+                    elif not reader:  # in a folder of keypoint files it belongs to that folder
+                        yield item
+
+    def _file(self, path: Path) -> Iterator[Input]:
+        name = printable(os.fspath(path))
+        try:
+            fault = "" if path.is_file() else "is not a regular file" if path.exists() else "leads nowhere"
+        except OSError as error:
+            fault = f"cannot be looked at: {error.strerror}"
+        if fault:
+            yield _broken(path, "E_READ", fault)
+        elif _is_video(path):
+            yield Input(path, name, "video")
+        else:
+            reader, trouble = self._readers.of(path)
+            if reader:
+                yield from self._members(path, reader)
+            elif trouble:
+                yield _broken(path, *trouble)
+            else:
+                yield Input(path, name, "other", fault="neither a video nor a keypoint file")
+
+    def _members(self, path: Path, reader: str) -> Iterator[Input]:
+        name = printable(os.fspath(path))
+        try:
+            members = self._readers.members(reader, path)
+        except GestureError as error:
+            yield _broken(path, error.code, error.cause)
+            return
+        for member in members:
+            shown = f"{name}::{printable(member)}" if member else name
+            yield Input(path, shown, "keypoints", member, reader)
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        return False
+
+
+def _not_found(path: Path, where: str = "") -> InputError:
+    missing = "nothing matches" if glob.has_magic(os.fspath(path)) else "no such file or folder"
+    return InputError(
+        f"{missing}{f', {where}' if where else ''}",
+        subject=printable(os.fspath(path)),
+        remedy="check the path",
+        code="E_NOT_FOUND",
+    )
+
+
+def _broken(path: Path, code: str, fault: str) -> Input:
+    return Input(path, printable(os.fspath(path)), "broken", code=code, fault=fault)
+
+
+def _identity(folder: Path) -> tuple[int, int]:
+    """The same for all ways that lead to one folder."""
+    found = folder.stat()
+    return found.st_dev, found.st_ino
+
+
+def _is_video(path: Path) -> bool:
+    return path.suffix.lower() in VIDEO_SUFFIXES
+
+
+def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
+    """Paths and labels listed in ``path``; None where it is no manifest.
+
+    A text manifest (``.txt``) has one path a line, a CSV manifest a column ``path`` and perhaps
+    ``label``. Relative paths start at the manifest's folder; lines that begin with ``#`` are comments.
+
+    Raises
+    ------
+    InputError
+        Where it looks like one and cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".txt", ".csv"):
+        return None
+    try:
+        with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+            if suffix == ".txt":
+                lines = [line.rstrip("\r\n") for line in _text(file)]
+                entries = [line for line in lines if line.strip() and not line.startswith("#")]
+                return [(path.parent / entry, None) for entry in entries]
+            mark, columns = _header(file.readline())
+            place = _path_column(columns)
+            if place is None:
+                return None
+            label = columns.index("label") if "label" in columns else len(columns)
+            return [
+                (path.parent / cells[place], _label(cells[label] if label < len(cells) else ""))
+                for cells in csv.reader(_text(file), delimiter=mark)
+                if place < len(cells) and cells[place]
+            ]
+    except UnicodeError:
+        raise InputError(
+            NO_TEXT, subject=printable(os.fspath(path)), remedy=SAVE_AS_TEXT, code="E_MANIFEST"
+        ) from None
+    except (OSError, csv.Error) as error:
+        raise InputError(
+            f"not a manifest: {error}", subject=printable(os.fspath(path)), code="E_MANIFEST"
+        ) from None
+
+
+def _text(lines: Iterable[str]) -> Iterator[str]:
+    """The lines; a UnicodeError where they are UTF-16, as spreadsheets offer to write."""
+    for line in lines:
+        if "\0" in line:
+            raise UnicodeError
+        yield line
+
+
+def _label(cell: str) -> str | None:
+    """A label; a UnicodeError where it is in another encoding, in which a name of a file may well be."""
+    cell.encode("utf-8")
+    return cell.strip() or None
+
+
+def _header(line: str) -> tuple[str, list[str]]:
+    """The separator of a table (spreadsheets write others than commas) and the names of its columns."""
+    found = {
+        mark: [name.strip().casefold() for name in next(csv.reader([line], delimiter=mark), [])]
+        for mark in ",;\t"
+    }
+    mark = next((mark for mark in found if _path_column(found[mark]) is not None), ",")
+    return mark, found[mark]
+
+
+def _path_column(columns: Sequence[str]) -> int | None:
+    return next((columns.index(name) for name in _PATH_COLUMNS if name in columns), None)
+
+
+def lacking(path: Path) -> str:
+    """What keeps a table from having labels."""
+    with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+        line = file.readline()
+    _, columns = _header(line)
+    if not line.strip():
+        return "is empty"
+    if "\0" in line:
+        return NO_TEXT
+    if "label" in columns and _path_column(columns) is not None:
+        return "has no label in any line"
+    missing = "path" if _path_column(columns) is None else "label"
+    return f"has no column {missing!r}, but {printable(', '.join(columns))[:200]}"

@@ -1,0 +1,344 @@
+"""The folder of a run, held by one process at a time, and its results: ``run.db``.
+
+That SQLite file survives a kill at any moment. Each input's rows are committed in one transaction; what is
+committed is never done again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+from gesture_core.errors import ConfigError, RunFolderError
+from gesture_core.types import COLUMNS, Row
+
+DATABASE, LOCK = "run.db", "run.lock"
+OWN_FILES = frozenset({DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", LOCK})
+"""What a run leaves in its folder besides its exports; it may lie among videos or examples."""
+_VERSION = 2
+_TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {
+    "frames_with_pose": "INTEGER", "attempts": "INTEGER",
+    "distance": "REAL", "margin": "REAL", "seconds": "REAL",
+}  # fmt: skip
+_SCHEMA = f"""
+CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS content (
+  key BLOB PRIMARY KEY, stamp TEXT NOT NULL, sha256 TEXT NOT NULL
+);
+CREATE TABLE IF NOT EXISTS rows (
+  key BLOB NOT NULL, place BLOB NOT NULL, role TEXT NOT NULL,
+  {", ".join(f"{name} {_TYPES.get(name, 'TEXT')}" for name in COLUMNS)},
+  PRIMARY KEY (role, key, person)
+);
+CREATE TABLE IF NOT EXISTS published (key BLOB PRIMARY KEY, file TEXT NOT NULL);
+"""
+
+
+@dataclass(frozen=True)
+class Committed:
+    """What identifies an input and its content in the journal.
+
+    Attributes
+    ----------
+    key : bytes
+        Of the input, from `discovery.Input`.
+    place : bytes
+        Its absolute path.
+    stamp : str
+        From `hashing.stamp`, of the file as it was read; empty where it could not be looked at.
+    """
+
+    key: bytes
+    place: bytes
+    stamp: str
+
+
+class Results:
+    """An open ``run.db``. Use as a context manager.
+
+    Parameters
+    ----------
+    folder : Path
+        The run folder.
+    create : bool
+        Make the file where it is missing, and open it for writing.
+
+    Raises
+    ------
+    RunFolderError
+        Where there is no run, the file is damaged, or it was written by another version.
+    """
+
+    def __init__(self, folder: Path, *, create: bool = False) -> None:
+        self.path = folder / DATABASE
+        self._writable = create
+        if not create and not self.path.is_file():
+            runs = [str(path.parent) for path in sorted(folder.glob(f"*/{DATABASE}"))[:3]]
+            raise RunFolderError(
+                "holds no run",
+                subject=str(folder),
+                remedy="a folder that gesture classify wrote"
+                + (f", such as {', '.join(runs)}" if runs else ""),
+                code="E_NO_RUN",
+            )
+        try:
+            self._db = self._open(create)
+            version = self.get("version")
+        except sqlite3.Error as error:
+            raise RunFolderError(
+                f"cannot be used: {error}",
+                subject=str(self.path),
+                remedy="another --out",
+                code="E_RUN_DAMAGED",
+            ) from error
+        if version != str(_VERSION):
+            raise RunFolderError(
+                f"was written in format {version}, this version reads {_VERSION}",
+                subject=str(self.path),
+                remedy="another --out",
+                code="E_RUN_VERSION",
+            )
+
+    def _open(self, create: bool) -> sqlite3.Connection:
+        if not create:
+            frozen = "" if os.access(self.path.parent, os.W_OK) else "&immutable=1"
+            address = f"{self.path.absolute().as_uri()}?mode=ro{frozen}"
+            db = sqlite3.connect(address, isolation_level=None, timeout=10, uri=True)
+            db.row_factory = sqlite3.Row
+            return db
+        db = sqlite3.connect(self.path, isolation_level=None, timeout=10)
+        db.row_factory = sqlite3.Row
+        db.execute("PRAGMA journal_mode=WAL")
+        db.execute("PRAGMA synchronous=FULL")
+        db.executescript(_SCHEMA)
+        db.execute("INSERT OR IGNORE INTO meta VALUES ('version', ?)", (str(_VERSION),))
+        return db
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._writable:
+            # One file that can be copied as it is; while somebody reads it, it stays as it was.
+            with suppress(sqlite3.Error):
+                self._db.execute("PRAGMA busy_timeout=0")
+                self._db.execute("PRAGMA journal_mode=DELETE")
+        self._db.close()
+
+    @contextmanager
+    def failures(self) -> Iterator[None]:
+        """SQLite errors inside the block as a RunFolderError: a full disk, a lost mount."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise RunFolderError(
+                f"cannot be read or written: {error}",
+                subject=str(self.path),
+                kept="every committed row",
+                remedy="free space there, then the same command again",
+                code="E_RUN_WRITE",
+            ) from error
+
+    def get(self, key: str) -> str | None:
+        """A fact about the run."""
+        row = self._db.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+        return row["value"] if row else None
+
+    def set(self, facts: Mapping[str, Any]) -> None:
+        """Record facts about the run: strings as they are, anything else as JSON."""
+        with self._transaction():
+            for key, value in facts.items():
+                text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
+                self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, text))
+
+    def sha256(self, key: bytes, stamp: str) -> str | None:
+        """The content hash of an input that has not been written since, None where it has."""
+        row = self._db.execute(
+            "SELECT sha256 FROM content WHERE key = ? AND stamp = ?", (key, stamp)
+        ).fetchone()
+        return row["sha256"] if row else None
+
+    def remember(self, key: bytes, stamp: str, sha256: str) -> None:
+        """Record the content hash of an input, so that it need not be read again."""
+        self._db.execute("INSERT OR REPLACE INTO content VALUES (?, ?, ?)", (key, stamp, sha256))
+
+    def commit(self, item: Committed, rows: Sequence[Row], *, role: str = "query") -> None:
+        """Replace the rows of one input, in one transaction with what identifies its content."""
+        with self._transaction():
+            self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, item.key))
+            self._db.execute(
+                "INSERT OR REPLACE INTO content VALUES (?, ?, ?)", (item.key, item.stamp, rows[0].sha256)
+            )
+            for row in rows:
+                record = row.as_record()
+                self._db.execute(
+                    f"INSERT INTO rows (key, place, role, {', '.join(COLUMNS)}) "
+                    f"VALUES (?, ?, ?, {', '.join('?' * len(COLUMNS))})",
+                    (item.key, item.place, role, *(record[name] for name in COLUMNS)),
+                )
+
+    def done(self, *, retry_errors: bool = False) -> dict[bytes, str]:
+        """Keys and content hashes of inputs that need no more work."""
+        having = "HAVING SUM(status = 'error') = 0" if retry_errors else ""
+        query = f"SELECT key, sha256 FROM rows WHERE role = 'query' GROUP BY key {having}"
+        return {row["key"]: row["sha256"] for row in self._db.execute(query)}
+
+    def rows(self, role: str = "query") -> Iterator[Row]:
+        """All rows, ordered by input and person."""
+        query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person"
+        for record in self._db.execute(query, (role,)):
+            yield Row.from_record(record)
+
+    def places(self) -> list[tuple[bytes, bytes]]:
+        """Key and path of every input that has rows."""
+        query = "SELECT DISTINCT key, place FROM rows WHERE role = 'query'"
+        return [(row["key"], row["place"]) for row in self._db.execute(query)]
+
+    def forget(self, keys: Sequence[bytes], *, role: str = "query") -> None:
+        """Delete the rows of inputs."""
+        with self._transaction():
+            for key in keys:
+                self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, key))
+
+    def copies(self, hashes: Collection[str]) -> int:
+        """Number of inputs with one of these content hashes, or at no distance from an example."""
+        query = "SELECT sha256, MIN(distance) AS nearest FROM rows WHERE role = 'query' GROUP BY key"
+        return sum(row["sha256"] in hashes or row["nearest"] == 0 for row in self._db.execute(query))
+
+    def with_keypoints(self) -> frozenset[bytes]:
+        """Keys of the inputs in which somebody was found."""
+        query = "SELECT DISTINCT key FROM rows WHERE role = 'query' AND frames_with_pose > 0"
+        return frozenset(row["key"] for row in self._db.execute(query))
+
+    def published(self) -> dict[bytes, str]:
+        """The keypoint file that belongs to each input that has one, by the input's key."""
+        return {row["key"]: row["file"] for row in self._db.execute("SELECT key, file FROM published")}
+
+    def publish(self, key: bytes, file: str) -> None:
+        """Record that ``file`` is about to belong to an input."""
+        self._db.execute("INSERT OR REPLACE INTO published VALUES (?, ?)", (key, file))
+
+    def retract(self, keys: Sequence[bytes]) -> None:
+        """Record that the keypoint files of inputs are gone."""
+        with self._transaction():
+            self._db.executemany("DELETE FROM published WHERE key = ?", [(key,) for key in keys])
+
+    def counts(self, role: str = "query") -> dict[str, int]:
+        """Number of rows by status."""
+        query = "SELECT status, COUNT(*) AS n FROM rows WHERE role = ? GROUP BY status"
+        return {row["status"]: row["n"] for row in self._db.execute(query, (role,))}
+
+    def clear(self) -> None:
+        """Forget all rows; content hashes stay."""
+        with self._transaction():
+            self._db.execute("DELETE FROM rows")
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        """Committed where the block ends without an error, otherwise rolled back."""
+        self._db.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+        except BaseException:
+            self._db.execute("ROLLBACK")
+            raise
+        self._db.execute("COMMIT")
+
+
+def open_results(folder: str | os.PathLike[str]) -> Results:
+    """The journal of an existing run folder."""
+    return Results(Path(folder))
+
+
+class RunLockedError(RunFolderError):
+    """Another process holds the run folder."""
+
+    code = "E_RUN_LOCKED"
+
+
+@contextmanager
+def run_lock(folder: Path) -> Iterator[None]:
+    """Hold ``folder`` for this process.
+
+    Raises
+    ------
+    RunLockedError
+        Where another living process holds it.
+    """
+    from filelock import FileLock, Timeout
+
+    # Where the system cannot lock, a soft lock would go by the number of a process, which may be another
+    # one's by now; earlier versions have no such fallback.
+    known = signature(FileLock.__init__).parameters
+    hard: dict[str, Any] = {"fallback_to_soft": False} if "fallback_to_soft" in known else {}
+    lock = FileLock(folder / LOCK, blocking=False, **hard)
+    try:
+        lock.acquire()
+    except NotImplementedError as error:
+        raise RunFolderError(
+            f"cannot be locked: {error}", subject=str(folder), remedy="--out on another file system"
+        ) from error
+    except PermissionError as error:
+        raise RunFolderError(
+            f"cannot be written: {error.strerror}",
+            subject=str(folder),
+            remedy="its permissions, or another --out",
+            code="E_RUN_WRITE",
+        ) from error
+    except Timeout:
+        raise RunLockedError(
+            "another run holds this folder", subject=str(folder), remedy="wait for it, or another --out"
+        ) from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+@contextmanager
+def run_folder(folder: Path) -> Iterator[None]:
+    """Make ``folder`` where there is none, and hold it for this process.
+
+    One that was made here, and in which no run began before an error came (a mistyped source, a wrong
+    setting), is removed: mistakes leave nothing behind.
+
+    Raises
+    ------
+    ConfigError
+        ``E_OUT`` where it is a file or cannot be made.
+    RunFolderError
+        Where another process holds it, or it cannot be held.
+    """
+    made = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise ConfigError(f"--out {folder} is a file", remedy="a folder", code="E_OUT") from None
+    except OSError as error:
+        cause = f"--out {folder} cannot be made: {error.strerror or error}"
+        raise ConfigError(cause, remedy="another place, or its permissions", code="E_OUT") from None
+    try:
+        with run_lock(folder):
+            yield
+    except BaseException:
+        if made and not _has_begun(folder):
+            with suppress(OSError):  # somebody put something else into it
+                for name in OWN_FILES:
+                    (folder / name).unlink(missing_ok=True)
+                folder.rmdir()
+        raise
+
+
+def _has_begun(folder: Path) -> bool:
+    try:
+        with open_results(folder) as found:
+            return found.get("configuration") is not None
+    except RunFolderError as error:
+        return error.code != "E_NO_RUN"

@@ -1,0 +1,79 @@
+"""Examples become a classifier, keypoints become predictions; what fails costs its own row only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from gesture_core.classify.estimator import GestureClassifier
+from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
+from gesture_core.plugin.registry import calling, registry
+from gesture_core.settings import Settings
+from gesture_core.types import PoseSequence, Prediction, Signals
+
+
+class Decider:
+    """A classifier that is given its examples one by one, and decides.
+
+    Parameters
+    ----------
+    settings : Settings
+
+    Raises
+    ------
+    GestureError
+        Where the settings name plugins that cannot be used.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        from gesture_core.dtw.distances import choose_kernel
+        from gesture_core.signals.chain import Chain
+
+        Chain.from_settings(settings)
+        self.kernel, _ = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)
+        self._entry = registry().find("kernel", self.kernel)
+        self._classifier = GestureClassifier(settings)
+        self._signals: list[Signals] = []
+        self._labels: list[str] = []
+        self._names: list[str] = []
+
+    def add(self, name: str, label: str, people: Sequence[PoseSequence]) -> None:
+        """Take the first person of an example; a GestureError says why that cannot be."""
+        if not people:
+            raise PoseError("nobody was found", subject=name, code="E_NO_PERSON")
+        (signals,) = self._classifier.signals(people[:1])
+        assert isinstance(signals, Signals)
+        for known, other, twin in zip(self._signals, self._labels, self._names, strict=True):
+            if other != label and np.array_equal(known.values, signals.values):
+                raise InputError(
+                    f"is called {label}, and {twin}, with the same movement, {other}",
+                    subject=name,
+                    remedy="only the right one of them",
+                    code="E_CONTRADICTION",
+                )
+        self._signals.append(signals)
+        self._labels.append(label)
+        self._names.append(name)
+
+    def fit(self, alive: Callable[[], None]) -> None:
+        """All examples are there; a PluginError where the kernel fails at comparing them.
+
+        ``alive`` is called while they are compared with each other.
+        """
+        with calling(self._entry, kept="the keypoints", remedy="another --kernel, or report it"):
+            self._classifier.fit(self._signals, self._labels, self._names, alive=alive)
+
+    def predict(self, poses: Sequence[PoseSequence]) -> list[Prediction]:
+        """One prediction for each of ``poses``, together; one by one where that fails."""
+        if not poses:
+            return []
+        try:
+            with calling(self._entry, remedy="another --kernel, or report it"):
+                return self._classifier.predictions(poses)
+        except ConfigError:
+            raise
+        except GestureError as error:
+            if len(poses) == 1:
+                return [Prediction(None, "error", code=error.code, message=error.message)]
+        return [prediction for pose in poses for prediction in self.predict([pose])]

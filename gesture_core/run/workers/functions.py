@@ -1,0 +1,137 @@
+"""What workers do: a table of functions by name. All of them may run a third party's code.
+
+Arguments and values are plain, fit for JSON; paths travel as their bytes in hexadecimal digits (`encoded`).
+The same table is called in this process, in a process beside it, or elsewhere.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from gesture_core.errors import GestureError, PluginError
+from gesture_core.plugin.registry import calling, registry
+from gesture_core.run.workers.worker import Worker
+
+Answer = bool | tuple[str, str]
+"""Whether a reader takes a file; or the code and the cause of its failure to say so."""
+
+
+def encoded(path: str | os.PathLike[str]) -> str:
+    """The exact bytes of a path, as text."""
+    return os.fsencode(path).hex()
+
+
+def decoded(text: str) -> Path:
+    """The inverse of `encoded`."""
+    return Path(os.fsdecode(bytes.fromhex(text)))
+
+
+def try_model(worker: Worker) -> None:
+    """Run the pose network twice on a known picture; a GestureError says what is wrong with its answer."""
+    from gesture_core.run.workers.trial import try_backend
+
+    with calling(registry().find("pose", worker.settings.pose.backend)):
+        try_backend(worker.extractor.backend)
+
+
+def extract(worker: Worker, path: str, member: str, reader: str) -> dict[str, Any]:
+    """Keypoints of one input into the store; the fields of `keypoints.Extracted`."""
+    return asdict(worker.extractor(decoded(path), member, reader))
+
+
+def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
+    """For each path whether the reader takes it, or what went wrong."""
+    answers: list[Answer] = []
+    for path in paths:
+        try:
+            with calling(registry().find("reader", reader), passing=(OSError,)):
+                answers.append(bool(registry().make("reader", reader).accepts(decoded(path))))
+        except GestureError as error:
+            answers.append((error.code, error.cause))
+        except OSError as error:
+            title = registry().find("reader", reader)
+            answers.append(("E_READ", f"{title} cannot read it: {error.strerror or error}"))
+        worker.alive()
+    return answers
+
+
+def members(worker: Worker, reader: str, path: str) -> list[str]:
+    """Names of the sequences in a file or folder, one at least."""
+    entry = registry().find("reader", reader)
+    with calling(entry):
+        found = list(registry().make("reader", reader).members(decoded(path)))
+    if not found or not all(isinstance(member, str) for member in found):
+        cause = f"{entry} says that its members are {str(found)[:80]}"
+        raise PluginError(cause, code="E_PLUGIN_CONTRACT")
+    return found
+
+
+def open_classifier(worker: Worker) -> str:
+    """Make the chain and the kernel that the settings name; the kernel's name."""
+    worker.report({"slow": True})
+    return worker.decider.kernel
+
+
+def add_example(worker: Worker, name: str, label: str, stored: str) -> None:
+    """Take an example from the keypoint store."""
+    worker.report({"slow": True})
+    worker.decider.add(name, label, _people(worker, stored, name))
+
+
+def fit(worker: Worker) -> None:
+    """Compare the examples, where the decision needs it."""
+    worker.report({"slow": True})
+    worker.decider.fit(worker.alive)
+
+
+def decide(worker: Worker, inputs: Sequence[Mapping[str, str]]) -> list[list[dict[str, Any]]]:
+    """The predictions for everybody in each of some stored inputs (``name`` and ``stored``)."""
+    people: list[list[Any]] = []
+    for one in inputs:
+        try:
+            people.append(list(_people(worker, one["stored"], one["name"])))
+        except GestureError as error:
+            people.append([error])
+    poses = [pose for some in people for pose in some if not isinstance(pose, GestureError)]
+    predictions = iter(worker.decider.predict(poses))
+    return [
+        [
+            {"status": "error", "code": pose.code, "message": pose.message}
+            if isinstance(pose, GestureError)
+            else asdict(next(predictions))
+            for pose in some
+        ]
+        for some in people
+    ]
+
+
+def _people(worker: Worker, stored: str, name: str) -> Sequence[Any]:
+    from gesture_core.run.store import read_keypoints
+
+    return read_keypoints(Path(worker.job.store) / stored, name).sequences
+
+
+def suffix(worker: Worker, format: str) -> str:
+    """What the names of the files that a result writer writes end in."""
+    with calling(registry().find("writer", format)):
+        return str(registry().make("writer", format).suffix)
+
+
+def write_rows(worker: Worker, run: str, format: str, path: str) -> None:
+    """Write the rows of a run to a file."""
+    from gesture_core.run.export import write_rows
+
+    write_rows(decoded(run), format, decoded(path), worker.alive)
+
+
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    function.__name__: function
+    for function in (
+        try_model, extract, accepts, members, open_classifier, add_example, fit, decide, suffix, write_rows,
+    )
+}  # fmt: skip
+"""Every function that a task may name; each takes the `Worker` and the task's arguments."""

@@ -1,0 +1,184 @@
+"""One worker process, and the watch over its life, time and memory."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from typing import IO, Any
+
+from gesture_core.errors import PluginError
+from gesture_core.settings import LimitSettings
+from gesture_core.types import Task
+
+_TICK = 0.2
+_START_SECONDS = 120.0
+
+Message = dict[str, Any]
+Inbox = queue.Queue[tuple["WorkerProcess", Message | None]]
+
+
+class WorkerError(PluginError):
+    """A worker process has ended, or had to be ended, before its task was done.
+
+    The subject is the plugin that was being called, where one was.
+    """
+
+    code = "E_WORKER_CRASH"
+
+
+class WorkerProcess:
+    """One process and the threads that read its pipes.
+
+    Parameters
+    ----------
+    header : mapping
+        Its first message: the job, and the tasks that it performs before any other.
+    threads : int
+        Of the numeric libraries in it.
+    limits : LimitSettings
+        ``seconds`` without a sign of progress while it works, and ``memory``.
+    inbox : queue
+        Gets ``(process, message)`` for each of its messages, and ``(process, None)`` when it ends.
+
+    Attributes
+    ----------
+    task : Task or None
+        What it is doing; None while it is idle.
+    """
+
+    def __init__(self, header: Mapping[str, Any], threads: int, limits: LimitSettings, inbox: Inbox) -> None:
+        self.task: Task | None = None
+        self.ended = False
+        self._limits = limits
+        self._ready = self._slow = False
+        self._plugin = ""
+        self._error_lines: deque[str] = deque(maxlen=3)
+        environment = os.environ | {"OMP_NUM_THREADS": str(threads), "OPENBLAS_NUM_THREADS": str(threads)}
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "gesture_core.run.workers.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=environment,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+        )
+        assert self._process.stdout is not None and self._process.stderr is not None
+        self._readers = [
+            threading.Thread(target=self._read_messages, args=(self._process.stdout, inbox), daemon=True),
+            threading.Thread(target=self._read_errors, args=(self._process.stderr,), daemon=True),
+        ]
+        for reader in self._readers:
+            reader.start()
+        self._send({**header, "memory": limits.memory})
+        self._seen = time.monotonic()
+
+    def give(self, task: Task) -> None:
+        """Hand over ``task``."""
+        self.task = task
+        self._send({"function": task.function, "arguments": task.arguments})
+        self._seen, self._slow = time.monotonic(), False
+
+    def note(self, message: Message) -> None:
+        """Take ``message``, which has come from the process, as a sign of progress."""
+        self._seen, self._slow = time.monotonic(), "slow" in message
+
+    def failure(self) -> WorkerError | None:
+        """Why the process has ended or must be ended; None while all is well."""
+        if self.ended:  # it has closed its pipe, and may live on
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=2)
+            self._process.kill()
+        if self.ended or self._process.poll() is not None:
+            code = self._process.wait()
+            ending = f"ended with exit code {code}"
+            if code < 0:
+                with suppress(ValueError):
+                    ending = f"was ended by {signal.Signals(-code).name}"
+            return self._error(f"the worker process {ending}", "E_WORKER_CRASH", "--retry-errors")
+        # The first message, and a task that says so, may take as long as a start.
+        starting = self._slow or not self._ready
+        allowed = max(self._limits.seconds, _START_SECONDS) if starting else self._limits.seconds
+        more = "--retry-errors and --set limits.{}=… with a larger figure"
+        if self.task is not None and time.monotonic() - self._seen > allowed:
+            return self._error(f"no progress for {allowed:g} s", "E_WORKER_HANG", more.format("seconds"))
+        used = self._resident()
+        if used > self._limits.memory << 20:
+            cause = f"the worker process took {used >> 20} MiB of memory"
+            return self._error(cause, "E_WORKER_MEMORY", more.format("memory"))
+        return None
+
+    def end(self) -> None:
+        """End the process now and wait for it."""
+        self.task = None
+        self._process.kill()
+        self._process.wait()
+        for reader in self._readers:
+            reader.join(timeout=5)
+        for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
+            with suppress(OSError):
+                if pipe:
+                    pipe.close()
+
+    def _error(self, cause: str, code: str, remedy: str) -> WorkerError:
+        """The error, with the end of what the process wrote to standard error, on one line."""
+        self._process.kill()
+        for reader in self._readers:
+            reader.join(timeout=1)
+        lines = " | ".join(self._error_lines)[-300:]
+        cause += f" ({lines})" if lines else ""
+        return WorkerError(cause, subject=self._plugin, kept="nothing", remedy=remedy, code=code)
+
+    def _send(self, message: Mapping[str, Any]) -> None:
+        assert self._process.stdin is not None
+        with suppress(OSError):  # a dead process is noticed by failure()
+            self._process.stdin.write(json.dumps(message) + "\n")
+            self._process.stdin.flush()
+
+    def _resident(self) -> int:
+        import psutil
+
+        try:
+            return int(psutil.Process(self._process.pid).memory_info().rss)
+        except psutil.Error:
+            return 0
+
+    def _read_messages(self, pipe: IO[str], inbox: Inbox) -> None:
+        with suppress(ValueError, OSError):
+            for line in pipe:
+                message = json.loads(line)
+                self._ready = True
+                if "plugin" in message:  # kept here, as nobody waits for it
+                    self._plugin = message["plugin"]
+                else:
+                    inbox.put((self, message))
+        inbox.put((self, None))
+
+    def _read_errors(self, pipe: IO[str]) -> None:
+        with suppress(ValueError, OSError):
+            for line in pipe:
+                if line.strip():
+                    self._error_lines.append(line.strip()[:200])
+
+
+def messages(inbox: Inbox) -> Iterator[tuple[WorkerProcess, Message]]:
+    """What has come in, after waiting a moment for the first of it; notes which processes have ended."""
+    with suppress(queue.Empty):
+        process, message = inbox.get(timeout=_TICK)
+        while True:
+            if message is None:
+                process.ended = True
+            else:
+                process.note(message)
+                yield process, message
+            process, message = inbox.get_nowait()

@@ -1,0 +1,152 @@
+"""A worker: performs tasks one after the other, by the functions of the table.
+
+``python -m gesture_core.run.workers.worker`` is a process of `process.WorkerProcess`: it takes JSON lines
+on standard input and answers on standard output. Whatever native code or a plugin prints goes to standard
+error, so that it cannot reach the pipe to the parent.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from gesture_core import errors
+from gesture_core.errors import GestureError, InputError, PluginError
+from gesture_core.plugin.registry import Origin, calling, watch
+from gesture_core.types import Job, Outcome, Task
+
+if TYPE_CHECKING:
+    from gesture_core.run.workers.decision import Decider
+    from gesture_core.run.workers.keypoints import KeypointExtractor
+    from gesture_core.settings import Settings
+
+_RESERVED = 1024
+"""MiB of addresses that libraries reserve and hardly use: allocators' arenas, stacks of threads."""
+
+
+class Worker:
+    """What performs tasks, and what it keeps from one to the next: the network, the examples.
+
+    Parameters
+    ----------
+    job : Job
+    report : callable
+        Takes messages for whoever watches: ``{"frames": n}``, ``{"slow": True}``.
+    """
+
+    def __init__(self, job: Job, report: Callable[[dict[str, Any]], None]) -> None:
+        self.job = job
+        self.report = report
+
+    @cached_property
+    def settings(self) -> Settings:
+        """Those of the job."""
+        from gesture_core.settings import settings_from_dict
+
+        return settings_from_dict(self.job.settings)
+
+    @cached_property
+    def extractor(self) -> KeypointExtractor:
+        """Extracts keypoints; the pose network is opened when the first video comes."""
+        from gesture_core.run.workers.keypoints import KeypointExtractor
+
+        return KeypointExtractor(self.job, self.settings, self.report)
+
+    @cached_property
+    def decider(self) -> Decider:
+        """Has the examples and decides."""
+        from gesture_core.run.workers.decision import Decider
+
+        return Decider(self.settings)
+
+    def alive(self) -> None:
+        """A sign of progress."""
+        self.report({"frames": 0})
+
+    def perform(self, task: Task) -> Outcome:
+        """Call the function that ``task`` names; whatever goes wrong becomes the outcome's error."""
+        from gesture_core.run.workers.functions import FUNCTIONS
+
+        try:
+            with calling(Origin(f"worker function {task.function!r}"), passing=(OSError, BrokenPipeError)):
+                return Outcome(task.number, FUNCTIONS[task.function](self, **task.arguments))
+        except BrokenPipeError:
+            raise
+        except GestureError as error:
+            return Outcome(task.number, error=error)
+        except OSError as error:
+            cause = f"cannot be read: {error.strerror or error}"
+            return Outcome(
+                task.number, error=InputError(cause, remedy="check its permissions", code="E_READ")
+            )
+
+
+def main() -> None:
+    """Perform tasks until standard input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's business
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+
+    def report(message: dict[str, Any]) -> None:
+        answers.write(json.dumps(message) + "\n")
+        answers.flush()
+
+    header = json.loads(sys.stdin.readline())
+    _limit_memory(int(header["memory"]))
+    worker = Worker(Job(**header["job"]), report)
+    watch(lambda plugin: report({"plugin": plugin}))
+    messages: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+    threading.Thread(target=_take_messages, args=(messages,), daemon=True).start()
+    try:
+        report({"ready": True})
+        for first in header["first"]:
+            worker.perform(Task(0, **first))
+            worker.alive()
+        while True:
+            outcome = worker.perform(Task(0, **messages.get()))
+            report({"value": outcome.value, "error": outcome.error and as_tree(outcome.error)})
+    except BrokenPipeError:  # the parent is gone; nobody is left to be answered
+        os._exit(1)
+
+
+def as_tree(error: GestureError) -> dict[str, str]:
+    """An error as plain values, on its way to the parent."""
+    known = next(kind.__name__ for kind in type(error).__mro__ if kind.__module__ == errors.__name__)
+    parts = {"cause": error.cause, "subject": error.subject, "kept": error.kept, "remedy": error.remedy}
+    return {**parts, "kind": known, "code": error.code}
+
+
+def from_tree(tree: dict[str, str]) -> GestureError:
+    """The inverse of `as_tree`."""
+    kind: type[GestureError] = getattr(errors, tree.pop("kind"), PluginError)
+    return kind(tree.pop("cause"), **tree)
+
+
+def _take_messages(messages: queue.SimpleQueue[dict[str, Any]]) -> None:
+    """Take messages from the parent; when it is gone, end this process whatever it is doing."""
+    for line in sys.stdin:
+        messages.put(json.loads(line))
+    os._exit(0)
+
+
+def _limit_memory(mebibytes: int) -> None:
+    """Make one giant allocation fail at once; the parent watches slower growth."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    limit = 2 * mebibytes + _RESERVED << 20
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    if hard == resource.RLIM_INFINITY or limit < hard:
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""Opens a video file safely and tells its container from its first bytes.
+
+FFmpeg chooses a demuxer by content, and some demuxers (concat, HLS, DASH, image sequences) open other
+files. Only containers on the list below are ever handed to it, and by name.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from gesture_core.errors import MediaError
+from gesture_core.files import open_regular, printable
+
+_HEAD_BYTES = 4096
+_BOXES = (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot", b"moof", b"styp", b"sidx", b"uuid")
+_MAGIC: dict[bytes, str] = {
+    b"\x1a\x45\xdf\xa3": "matroska", b"FLV\x01": "flv", b"OggS": "ogg", b"GIF87a": "gif", b"GIF89a": "gif",
+    b"\x30\x26\xb2\x75\x8e\x66\xcf\x11": "asf", b"\x00\x00\x01\xba": "mpeg",
+    b"\x00\x00\x01\xb3": "mpegvideo", b"YUV4MPEG2": "yuv4mpegpipe", b"DKIF": "ivf",
+    b"\x06\x0e\x2b\x34\x02\x05\x01\x01": "mxf",
+}  # fmt: skip
+_RAW_SUFFIXES = {
+    ".h264": "h264", ".264": "h264", ".avc": "h264",
+    ".h265": "hevc", ".265": "hevc", ".hevc": "hevc",
+}  # fmt: skip
+CONTAINERS: tuple[str, ...] = (
+    "mov", "avi", "mpegts", "mjpeg", "h264", "hevc", *dict.fromkeys(_MAGIC.values()),
+)  # fmt: skip
+"""FFmpeg's names of the containers that are read."""
+_PLAYLISTS: tuple[bytes, ...] = (b"ffconcat", b"#EXTM3U", b"[playlist]", b"<?xml", b"<MPD", b"<smil", b"v=0")
+
+
+def open_container(path: Path) -> tuple[BinaryIO, str]:
+    """Open a video file at its start, unbuffered, and tell FFmpeg's name of its container.
+
+    Raises
+    ------
+    MediaError
+        `E_MEDIA_MISSING`; `E_MEDIA_UNREADABLE`, also for what is no regular file (a pipe, a device, a
+        folder), which is never opened; `E_MEDIA_EMPTY` for a file of no bytes; `E_MEDIA_FORMAT` where
+        the first bytes are of no known container, which says whether it is a playlist.
+    """
+    buffered = open_regular(path, sys.maxsize, MediaError, "E_MEDIA")
+    # A decoder that is given the descriptor must find the file where Python left it.
+    file = cast(io.FileIO, cast(io.BufferedReader, buffered).detach())
+    try:
+        head = file.read(_HEAD_BYTES)
+        file.seek(0)
+        container = _container_of(head, path.suffix.lower())
+        if container:
+            return file, container
+        code, remedy = "E_MEDIA_FORMAT", "a video in mp4, mov, mkv, webm, avi, flv, ts or gif"
+        if not head:
+            cause, code, remedy = "is empty, 0 bytes", "E_MEDIA_EMPTY", "copy it again"
+        elif head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(_PLAYLISTS):
+            cause = "is a playlist, a text that would make the decoder open other files"
+        else:
+            cause = f"its first bytes ({head[:8].hex(' ')}) are of no video container known here"
+        raise MediaError(cause, subject=printable(path), remedy=remedy, code=code)
+    except BaseException:
+        file.close()
+        raise
+
+
+def _container_of(head: bytes, suffix: str) -> str:
+    """The container of a file that begins with ``head``; empty for none that is known."""
+    if head[4:8] in _BOXES:
+        return "mov"
+    if head.startswith(b"RIFF") and head[8:12] in (b"AVI ", b"AVIX", b"AMV "):
+        return "avi"
+    for magic, name in _MAGIC.items():
+        if head.startswith(magic):
+            return name
+    for start, step in ((0, 188), (4, 192)):
+        marks = [head[at : at + 1] for at in range(start, min(len(head), start + 5 * step), step)]
+        if len(marks) >= 2 and all(mark == b"\x47" for mark in marks):
+            return "mpegts"
+    if head.startswith((b"\x00\x00\x00\x01", b"\x00\x00\x01")) and suffix in _RAW_SUFFIXES:
+        return _RAW_SUFFIXES[suffix]
+    if head.startswith(b"\xff\xd8\xff") and suffix in (".mjpeg", ".mjpg"):
+        return "mjpeg"
+    return ""

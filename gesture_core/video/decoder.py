@@ -1,0 +1,213 @@
+"""`VideoDecoder`: what all video readers share, for built-in ones and those of third parties."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import ClassVar, Literal, Self
+
+import numpy as np
+
+from gesture_core.errors import GestureError, MediaError
+from gesture_core.files import printable
+from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReport
+from gesture_core.plugin.registry import calling
+from gesture_core.video.containers import open_container
+from gesture_core.video.frames import Clock, fit, upright
+from gesture_core.video.integrity import MAX_FPS, DamageLog
+
+
+class VideoDecoder(ABC):
+    """One open video file. A context manager; iterate it once.
+
+    A reader's own class says what it is called and writes two methods, `start` and `frames`. It need not
+    care for times that run backwards, pictures that lie on their side or change their size, limits on
+    frames and seconds, and the report: that is done here, from what it tells.
+
+    ::
+
+        class GrabberReader:  # registered with register_video_readers
+            def open(self, path, limits):
+                return GrabberVideo(path, limits)
+
+        class GrabberVideo(VideoDecoder):
+            name = "grabber"
+
+            def start(self):
+                import grabber
+
+                self._clip = self.resources.enter_context(grabber.open(self.file))
+                return self.describe(
+                    width=self._clip.width, height=self._clip.height, codec=self._clip.codec,
+                    rates=[self._clip.fps], rotation=self._clip.degrees, declared=self._clip.count,
+                )
+
+            def frames(self):
+                for picture in self._clip:
+                    if picture.concealed:
+                        self.log.damage("frame with damaged parts")
+                    yield picture.seconds, picture.bgr
+
+    Attributes
+    ----------
+    name : str
+        Under which the reader is registered.
+    path, limits
+        As given; ``subject`` is the path as errors print it.
+    file : binary file
+        Open for reading, unbuffered, at its start.
+    container : str
+        FFmpeg's name of its container, one of `CONTAINERS`; other files get an error before `start`.
+    log : DamageLog
+        Receives damage and notes.
+    resources : ExitStack
+        Takes what must be released, as soon as it is there; closed however far the video was opened.
+    info : VideoInfo
+        What `start` returned.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, path: Path, limits: VideoLimits) -> None:
+        self.path = path
+        self.subject = printable(path)
+        self.limits = limits
+        self.log = DamageLog()
+        self.resources = ExitStack()
+        self._read = 0
+        self._state: Literal["new", "running", "ended"] = "new"
+        try:
+            self.file, self.container = open_container(path)
+            self.resources.callback(self.file.close)
+            self.info = self.start()
+        except BaseException:
+            self.resources.close()
+            raise
+
+    @abstractmethod
+    def start(self) -> VideoInfo:
+        """Open the decoder, decode the first frame, describe the video (with `describe`)."""
+
+    @abstractmethod
+    def frames(self) -> Iterator[tuple[float | None, np.ndarray]]:
+        """The container's stamp, in seconds from its first one, or None, and the picture as it is stored:
+        (H, W, 3) uint8 in BGR. What is lost goes to ``log``.
+        """
+
+    @property
+    def report(self) -> VideoReport:
+        """The account of what was read so far."""
+        notes = self.log.clauses()
+        if self._state != "ended":
+            notes += ("not read to its end",)
+        return VideoReport(
+            frames_declared=self.info.frames_declared,
+            frames_read=self._read,
+            damaged=self.log.damaged,
+            complete=self._state == "ended" and self.log.damaged == 0,
+            notes=notes,
+            reader=self.name,
+        )
+
+    def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
+        if self._state != "new":
+            raise MediaError("its reader was already used", subject=self.subject, remedy="open it again")
+        self._state = "running"
+        info, limits = self.info, self.limits
+        clock = Clock(info.fps, self.log)
+        try:
+            for stamp, stored in self.frames():
+                time = clock.at(stamp)
+                kept = f"{self._read} frames"
+                if self._read >= limits.max_frames:
+                    remedy = "--set limits.frames=… with a larger figure, or cut the video"
+                    cause = f"holds more than {limits.max_frames} frames"
+                    raise self.error(cause, "E_MEDIA_LIMIT", remedy, kept)
+                if time > limits.max_seconds:
+                    remedy = "cut the video, or from Python a larger VideoLimits.max_seconds"
+                    raise self.error(
+                        f"is longer than {limits.max_seconds:g} s", "E_MEDIA_LIMIT", remedy, kept
+                    )
+                frame = upright(stored, info.rotation, info.mirrored)
+                if frame.shape[:2] != (info.height, info.width):
+                    size = f"{frame.shape[1]} x {frame.shape[0]}"
+                    self.log.note(f"picture of {size} scaled into {info.width} x {info.height}")
+                    frame = fit(frame, info.width, info.height)
+                self._read += 1
+                yield time, frame
+        except (GestureError, OSError):
+            raise
+        except Exception:
+            with calling(self):  # only now, as it reports each call to whoever watches this process
+                raise
+        self._state = "ended"
+
+    def describe(
+        self,
+        *,
+        width: int,
+        height: int,
+        codec: str,
+        declared: int | None = None,
+        rates: Sequence[float] = (),
+        rotation: float = 0.0,
+        mirrored: bool = False,
+        pixel_aspect: tuple[int, int] = (1, 1),
+    ) -> VideoInfo:
+        """A `VideoInfo` from what the decoder says of the stored pictures; claims beyond belief are left out.
+
+        Parameters
+        ----------
+        width, height : int
+            Pixels of the stored picture.
+        declared : int, optional
+            Frames that the header claims.
+        rates : sequence of float
+            What may be the frames a second, the best figure first.
+        codec, rotation, mirrored
+            As in `VideoInfo`; any rotation counts as the nearest quarter turn.
+        pixel_aspect : (int, int)
+            Width to height of one pixel.
+        """
+        across, down = pixel_aspect
+        if across != down:
+            self.log.note(f"pixels are not square ({across}:{down}); pictures are used as they are stored")
+        turned = round(rotation / 90) % 4 * 90
+        if turned % 180:
+            width, height = height, width
+        return VideoInfo(
+            width=width,
+            height=height,
+            frames_declared=declared if declared and 0 < declared <= self.limits.max_frames else None,
+            fps=next((rate for rate in rates if 0 < rate <= MAX_FPS), None),
+            rotation=turned,
+            codec=codec,
+            container=self.container,
+            reader=self.name,
+            mirrored=mirrored,
+        )
+
+    def check_size(self, width: float, height: float) -> None:
+        """A MediaError where a picture of ``width`` x ``height`` pixels exceeds the limit.
+
+        To be asked before memory is allocated for it.
+        """
+        if width * height > self.limits.max_pixels:
+            cause = (
+                f"its frames of {width:g} x {height:g} pixels exceed the limit of {self.limits.max_pixels}"
+            )
+            raise self.error(cause, "E_MEDIA_LIMIT", "--set limits.pixels=… with a larger figure")
+
+    def error(
+        self, cause: str, code: str, remedy: str = "copy it again from where it came", kept: str = ""
+    ) -> MediaError:
+        """A MediaError about this file; the remedy is that for damaged files unless another one is given."""
+        return MediaError(cause, subject=self.subject, kept=kept, remedy=remedy, code=code)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.resources.close()

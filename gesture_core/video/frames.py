@@ -1,0 +1,83 @@
+"""From a stored picture with the container's stamp to an upright frame of constant size at its second."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gesture_core.video.integrity import DamageLog
+
+_DEFAULT_FPS = 25.0
+_LEAP = 3600.0
+
+
+class Clock:
+    """Turns the container's stamps into seconds that never decrease.
+
+    A stamp that runs backwards, or an hour ahead, starts a new stretch, one frame after the last: what
+    follows keeps its pace. An absent stamp is one frame after the last.
+
+    Parameters
+    ----------
+    fps : float or None
+        Frames a second for frames without a stamp; 25 where the container says nothing, and the log
+        says so.
+    log : DamageLog
+        Where repairs are noted.
+    """
+
+    def __init__(self, fps: float | None, log: DamageLog) -> None:
+        self._step = 1 / (fps or _DEFAULT_FPS)
+        self._rate = f"{fps or _DEFAULT_FPS:g} frames/s{'' if fps else ' assumed'}"
+        self._log = log
+        self._offset = 0.0
+        self._last: float | None = None
+
+    def at(self, stamp: float | None) -> float:
+        """Seconds of the next frame, whose stamp is ``stamp`` seconds or None."""
+        following = 0.0 if self._last is None else self._last + self._step
+        if stamp is None or not math.isfinite(stamp):
+            self._log.note(f"frame without a time stamp, placed at {self._rate}")
+            time = following
+        else:
+            time = stamp + self._offset
+            before = 0.0 if self._last is None else self._last
+            if time - before > _LEAP:
+                self._log.damage("time stamp more than an hour after the last")
+            elif self._last is not None and time < self._last:
+                self._log.note("time stamps run backwards, continued from the last")
+            else:
+                self._last = time
+                return time
+            self._offset += following - time
+            time = following
+        self._last = time
+        return time
+
+
+def upright(frame: np.ndarray, rotation: int, mirrored: bool = False) -> np.ndarray:
+    """Turn ``frame`` (H, W, 3) clockwise by ``rotation`` degrees (0, 90, 180, 270), then mirror it."""
+    turned = frame if rotation == 0 else np.rot90(frame, k=-rotation // 90)
+    if mirrored:
+        turned = turned[:, ::-1]
+    return np.ascontiguousarray(turned)
+
+
+def fit(frame: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Scale ``frame`` into ``width`` x ``height`` pixels, keeping its aspect, on black.
+
+    A recording may change its size half-way (a call that loses bandwidth, a phone that is turned).
+    Coordinates of joints must not jump then, nor bodies change their shape.
+    """
+    import cv2
+
+    scale = min(width / frame.shape[1], height / frame.shape[0])
+    inner_width = min(width, max(1, round(frame.shape[1] * scale)))
+    inner_height = min(height, max(1, round(frame.shape[0] * scale)))
+    left, top = (width - inner_width) // 2, (height - inner_height) // 2
+    out = np.zeros((height, width, 3), np.uint8)
+    out[top : top + inner_height, left : left + inner_width] = cv2.resize(
+        frame, (inner_width, inner_height), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    )
+    return out

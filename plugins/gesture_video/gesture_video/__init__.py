@@ -1,0 +1,1 @@
+"""The built-in video readers: PyAV, and OpenCV where PyAV is not installed."""

@@ -1,0 +1,176 @@
+"""Decoding with OpenCV: the built-in fallback where PyAV is not installed.
+
+OpenCV says "no more frames" at a damaged packet exactly as at the end, so this reader asks again a
+few times, and compares what came with what the header promised where the promise is believable.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from gesture_core.errors import MediaError
+from gesture_core.plugin.interfaces import VideoInfo, VideoLimits
+from gesture_core.video import CONTAINERS, Integrity, VideoDecoder
+
+if TYPE_CHECKING:
+    import cv2
+
+# Reads after a refused one before it counts as the end of the file.
+_RETRIES = 16
+# What marks a picture track in the header of a container, and what marks other tracks.
+_PICTURE_TRACKS = {"mov": (b"vide", (b"soun", b"subt", b"text")), "matroska": (b"V_", (b"A_", b"S_"))}
+_SEARCHED = 4 << 20
+# Streams without a container have no time stamps; OpenCV says 0 of each frame.
+_UNTIMED = frozenset({"h264", "hevc", "mpegvideo", "mjpeg"})
+_OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
+
+
+class OpenCvReader:
+    """Decodes with the FFmpeg inside OpenCV. It has no options.
+
+    What it cannot do: see mirrored display matrices; keep the aspect of a picture that changes its size
+    half-way (OpenCV stretches it into the first size); notice damage, but for frames that are missing from
+    a believable count.
+    """
+
+    def open(self, path: Path, limits: VideoLimits) -> OpenCvDecoder:
+        """The video in the file ``path``; errors are those of `PyAvReader.open`."""
+        return OpenCvDecoder(path, limits)
+
+
+class OpenCvDecoder(VideoDecoder):
+    """One file that OpenCV decodes."""
+
+    name = "opencv"
+
+    def start(self) -> VideoInfo:
+        import cv2
+
+        self._integrity = Integrity(self.file, self.container, self.log)
+        self._capture = _capture(self.file, self.path)
+        self.resources.callback(self._capture.release)
+        if not self._capture.isOpened():
+            raise self._unopened()
+        self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        self.check_size(self._get(cv2.CAP_PROP_FRAME_WIDTH), self._get(cv2.CAP_PROP_FRAME_HEIGHT))
+        first = self._next()
+        if first is None:
+            raise self.error("holds a video stream, but not one frame of it decodes", "E_MEDIA_NO_FRAMES")
+        self._first = first
+        fps = self._get(cv2.CAP_PROP_FPS)
+        across, down = int(self._get(cv2.CAP_PROP_SAR_NUM)), int(self._get(cv2.CAP_PROP_SAR_DEN))
+        code = int(self._get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
+        codec = code.to_bytes(4, "little").decode("ascii", "replace").strip("\0 ")
+        height, width = first[1].shape[:2]
+        return self.describe(
+            width=width,
+            height=height,
+            codec=codec if codec.isprintable() else "",
+            declared=self._integrity.believable_count(self._get(cv2.CAP_PROP_FRAME_COUNT), fps),
+            rates=[fps],
+            rotation=self._get(cv2.CAP_PROP_ORIENTATION_META),
+            pixel_aspect=(across, down) if across > 0 and down > 0 else (1, 1),
+        )
+
+    def _unopened(self) -> MediaError:
+        """OpenCV does not say why it fails; a container that names no picture track is told apart here."""
+        mark, others = _PICTURE_TRACKS.get(self.container, (b"", ()))
+        if mark and hasattr(os, "pread"):
+            descriptor = self.file.fileno()
+            size = os.fstat(descriptor).st_size
+            searched = os.pread(descriptor, _SEARCHED, 0)
+            searched += os.pread(descriptor, _SEARCHED, max(0, size - _SEARCHED))
+            if mark not in searched and any(other in searched for other in others):
+                return self.error("holds no video stream", "E_MEDIA_NO_VIDEO", "leave it out")
+        return self.error(
+            "OpenCV finds no video stream that it can decode",
+            "E_MEDIA_BROKEN",
+            "pip install 'gesture-core[video]', whose reader names the cause",
+        )
+
+    def frames(self) -> Iterator[tuple[float | None, np.ndarray]]:
+        import cv2
+
+        yield self._first
+        while (item := self._next()) is not None:
+            yield item
+        # Where the header has no count, OpenCV makes one of its duration and the average rate.
+        count, fps = self._get(cv2.CAP_PROP_FRAME_COUNT), self._get(cv2.CAP_PROP_FPS)
+        duration = count / fps if 0 < count < 1e9 and fps > 0 else None
+        self._integrity.compare_frames(declared=self.info.frames_declared, duration=duration)
+
+    def _next(self) -> tuple[float | None, np.ndarray] | None:
+        """The next frame and its stamp in seconds."""
+        import cv2
+
+        for attempt in range(_RETRIES):
+            try:
+                found, frame = self._capture.read()
+            except (cv2.error, MemoryError) as error:
+                raise self.error(f"cannot be decoded: {error}", "E_MEDIA_BROKEN") from error
+            if found and frame is not None:
+                if attempt:
+                    self.log.damage("packet that OpenCV could not decode")
+                self.check_size(frame.shape[1], frame.shape[0])
+                self._integrity.frames += 1
+                stamp = self._get(cv2.CAP_PROP_POS_MSEC) / 1000
+                timed = self.container not in _UNTIMED and abs(stamp) < 1e12
+                if timed:
+                    self._integrity.stamps.append(stamp)
+                if frame.ndim == 2:
+                    frame = np.repeat(frame[..., None], 3, axis=2)
+                return stamp if timed else None, frame[..., :3]
+        return None
+
+    def _get(self, prop: int) -> float:
+        value = float(self._capture.get(prop))
+        return value if math.isfinite(value) else 0.0
+
+
+def _capture(file: BinaryIO, path: Path) -> cv2.VideoCapture:
+    import cv2
+
+    # By descriptor: OpenCV dies of a file name that is not UTF-8, and FFmpeg reads "a:b" as a protocol.
+    if sys.platform.startswith("linux"):
+        name = f"/proc/self/fd/{file.fileno()}"
+    elif os.name == "posix":
+        name = f"/dev/fd/{file.fileno()}"
+    else:
+        name = str(path.absolute())
+    with _restricted():
+        return cv2.VideoCapture(name, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+
+
+@contextmanager
+def _restricted() -> Iterator[None]:
+    """Let FFmpeg inside OpenCV open the listed containers from plain files, and nothing else, silently.
+
+    OpenCV takes FFmpeg's options from the environment only; what the user has set there stays and
+    is followed by the restriction. What OpenCV would print becomes an error or a note anyway.
+    """
+    import cv2
+
+    # The functions moved between releases 4.12 and 4.13.
+    logging: Any = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging
+    level = logging.getLogLevel()
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    before = os.environ.get(_OPTIONS)
+    ours = f"format_whitelist;{','.join(CONTAINERS)}|protocol_whitelist;file"
+    os.environ[_OPTIONS] = f"{before}|{ours}" if before else ours
+    logging.setLogLevel(0)
+    try:
+        yield
+    finally:
+        logging.setLogLevel(level)
+        if before is None:
+            del os.environ[_OPTIONS]
+        else:
+            os.environ[_OPTIONS] = before

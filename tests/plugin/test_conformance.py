@@ -1,0 +1,123 @@
+"""Every registered plugin, the project's own and third parties', keeps the contract of its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+from _pytest.mark import ParameterSet
+from conftest import ROOT
+
+from gesture_core.demo.archive import DemoArchive
+from gesture_core.plugin import registry
+from gesture_core.plugin.interfaces import INTERFACES, KINDS
+from gesture_core.plugin.template import write_plugin
+from gesture_core.pose.models import find_model
+from gesture_core.run.store import write_keypoints
+from gesture_core.settings import LimitSettings, load_settings, presets
+from gesture_core.testing import checks_for, draw_pose
+
+CHAIN = ("normalizer", "filter", "selector")
+"""Kinds whose plugins take part in a preset with other options than their own defaults."""
+
+
+def every(*kinds: str) -> list[ParameterSet]:
+    """A parameter set for each check of each usable plugin of ``kinds``."""
+    return [
+        # Kernels mostly compile, which a busy machine draws out.
+        pytest.param(
+            *(kind, name, check),
+            id=f"{name}-{check.__name__}",
+            marks=[pytest.mark.timeout(900)] if kind == "kernel" else [],
+        )
+        for kind in kinds
+        for name in registry().names(kind, usable=True)
+        for check in checks_for(kind)
+    ]
+
+
+@cache
+def reference_page() -> str:
+    """``docs/reference/plugins.md``, or what ``docs/generate.py`` makes of it while the site is built."""
+    page, generator = ROOT / "docs" / "reference" / "plugins.md", ROOT / "docs" / "generate.py"
+    if page.is_file():
+        return page.read_text("utf-8")
+    pytest.importorskip("mkdocs", reason="mkdocs makes the page, and is not installed")
+    spec = spec_from_file_location("generate", generator)
+    assert spec and spec.loader, "there is no page, and nothing that makes it"
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    pages: list[str] = [*module.interfaces_page(), *module.plugins_page()]
+    return "\n".join(pages)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_has_an_interface_a_suite_a_template_and_a_page(kind: str, tmp_path: Path) -> None:
+    assert INTERFACES[kind] and checks_for(kind)
+    assert write_plugin(kind, "something-new", tmp_path)
+    text = reference_page()
+    assert KINDS[kind].hook in text and KINDS[kind].title in text, f"the page names no {KINDS[kind].title}"
+    assert INTERFACES[kind].__name__ in text
+
+
+def test_an_unknown_kind_has_no_suite() -> None:
+    with pytest.raises(ValueError, match="one of engine, filter, kernel"):
+        checks_for("colour")
+
+
+@pytest.mark.parametrize(("kind", "name", "check"), every("kernel", "writer", "video", *CHAIN))
+def test_the_contract(kind: str, name: str, check: Callable[[object], None]) -> None:
+    check(registry().make(kind, name))
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_the_contract_under_the_options_of_a_preset(preset: str) -> None:
+    settings = load_settings(preset, environment={})
+    steps = [("normalizer", settings.signals.normalizer), ("selector", settings.signals.selector)]
+    steps += [("filter", name) for name in settings.signals.filters]
+    for kind, name in steps:
+        for check in checks_for(kind):
+            check(registry().make(kind, name, settings.plugin_options(name)))
+
+
+@pytest.mark.parametrize(("kind", "name", "check"), every("engine"))
+def test_the_contract_of_an_engine(kind: str, name: str, check: Callable[[object], None]) -> None:
+    check(registry().make(kind, name, {}, workers=2, limits=LimitSettings()))
+
+
+@cache
+def backend(name: str) -> object:
+    return registry().make("pose", name, {}, model=find_model("compact"))
+
+
+@pytest.mark.parametrize(("kind", "name", "check"), every("pose"))
+def test_the_contract_of_a_pose_backend(kind: str, name: str, check: Callable[[object], None]) -> None:
+    check(backend(name))
+
+
+@pytest.fixture(scope="module")
+def samples(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A sample for each keypoint reader, by its name."""
+    folder = tmp_path_factory.mktemp("samples")
+    poses = [draw_pose(seed, frames=8) for seed in range(2)]
+    np.savez(folder / "two.npz", first=poses[0].keypoints, second=poses[1].keypoints)
+    np.savetxt(folder / "bare.csv", poses[0].keypoints.reshape(8, -1), delimiter=",")
+    write_keypoints(folder / "stored.parquet", poses[:1], {})
+    return {
+        "arrays": folder / "two.npz",
+        "csv": folder / "bare.csv",
+        "openpose-json": next(path for path in sorted(drawn.video_keypoints.iterdir()) if path.is_dir()),
+        "store": folder / "stored.parquet",
+    }
+
+
+@pytest.mark.parametrize(("kind", "name", "check"), every("reader"))
+def test_the_contract_of_a_keypoint_reader(
+    kind: str, name: str, check: Callable[[object, Path], None], samples: dict[str, Path]
+) -> None:
+    assert name in samples, f"keypoint reader {name!r} needs a sample here"
+    check(registry().make(kind, name), samples[name])
