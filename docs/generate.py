@@ -28,9 +28,10 @@ from rich.console import Console
 
 from gesture_core import errors
 from gesture_core.cli.main import app
-from gesture_core.plugin import hooks, interfaces, registry
-from gesture_core.plugin.interfaces import KINDS
+from gesture_core.plugin import hooks, registry
+from gesture_core.plugin.interfaces import INTERFACES, KINDS
 from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings, presets
+from gesture_core.testing import checks_for
 from gesture_core.types import Status
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -202,41 +203,44 @@ def interfaces_page() -> Iterator[str]:
     """Kinds of plugin with their hooks, and the interface of each."""
     yield "# Plugin interfaces\n\nA plugin announces names through a hook. The class behind a name fulfils"
     yield "the interface of its kind. How to write one: [Write a plugin](../howto/plugins.md).\n"
-    yield "| kind | hook | what it is |\n|---|---|---|"
-    for kind in KINDS.values():
-        about = inspect.getdoc(getattr(hooks, kind.hook)) or ""
+    yield "| kind | hook | what it is | interface | checks |\n|---|---|---|---|---|"
+    for name, kind in KINDS.items():
+        about = (inspect.getdoc(getattr(hooks, kind.hook)) or "").partition("\n")[0]
         if not about:
             log.warning("hook %s has no docstring", kind.hook)
-        yield row(kind.title, f"`{kind.hook}`", about.partition("\n")[0])
+        about = about.replace(f"(`{INTERFACES[name].__name__}`)", "").rstrip(". ")
+        interface, checks = f"`{INTERFACES[name].__name__}`", f"`{name.upper()}_CHECKS`"
+        yield row(kind.title, f"`{kind.hook}`", about, interface, checks)
     yield "\n## Registration\n\n::: gesture_core.plugin.hooks.Register"
     yield "    options: {heading_level: 3, members: [__call__], filters: []}\n"
     yield "## Interfaces\n\n::: gesture_core.plugin.interfaces"
     yield "    options: {show_root_heading: false, show_root_toc_entry: false, heading_level: 3,"
-    yield '              filters: ["!^_", "!^KINDS$", "!^Kind$"]}\n'
-    yield "## Conformance suite\n\n::: gesture_core.testing"
-    yield "    options: {show_root_heading: false, show_root_toc_entry: false, heading_level: 3}\n"
+    yield '              filters: ["!^_", "!^KINDS$", "!^Kind$", "!^INTERFACES$"]}\n'
+    yield "## Conformance suites\n\n::: gesture_core.testing"
+    yield "    options: {show_root_heading: false, show_root_toc_entry: false, members: false}\n"
+    for name, kind in KINDS.items():
+        yield f"### `{name.upper()}_CHECKS`\n\nOf a {kind.title}:\n"
+        for check in checks_for(name):
+            yield f"- `{check.__name__}`: {(inspect.getdoc(check) or '').partition(chr(10))[0]}"
+        yield ""
 
 
 def kinds_table() -> Iterator[str]:
     """Kinds of plugin with their hooks and what a class of each kind has."""
-    yield "| kind | hook | a class with |\n|---|---|---|"
-    for kind in KINDS.values():
-        yield row(kind.title, f"`{kind.hook}`", ", ".join(f"`{part}`" for part in members_of(kind.hook)))
+    yield "| kind | `KIND` | hook | a class with |\n|---|---|---|---|"
+    for name, kind in KINDS.items():
+        parts = ", ".join(f"`{part}`" for part in members_of(INTERFACES[name]))
+        yield row(kind.title, f"`{name}`", f"`{kind.hook}`", parts)
 
 
-def members_of(hook: str) -> list[str]:
-    """Attributes and methods of the interface that a hook's docstring names."""
-    named = re.findall(r"`(\w+)`", inspect.getdoc(getattr(hooks, hook)) or "")
-    found = [vars(interfaces)[name] for name in named if name in vars(interfaces)]
-    if len(found) != 1:
-        log.warning("the docstring of %s names no interface in backticks", hook)
-        return []
+def members_of(interface: type) -> list[str]:
+    """Attributes and methods of a Protocol."""
     methods = {
         name: list(inspect.signature(method).parameters)[1:]
-        for name, method in vars(found[0]).items()
+        for name, method in vars(interface).items()
         if inspect.isfunction(method) and not name.startswith("_")
     }
-    return [*found[0].__annotations__, *(f"{name}({', '.join(given)})" for name, given in methods.items())]
+    return [*interface.__annotations__, *(f"{name}({', '.join(given)})" for name, given in methods.items())]
 
 
 def extras_table() -> Iterator[str]:
