@@ -31,8 +31,7 @@ from choose_tests import tested
 from datasets import Item, arguments, body_gesture, pose_trainer, utd_openpose, utd_skeleton
 from videos import with_videos
 
-from gesture_core.classify.common import common_sum
-from gesture_core.classify.comparison import compare
+from gesture_core.classify.comparison import common_sum, compare
 from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.signals.mirror import mirrored
@@ -277,7 +276,8 @@ def load(name: str, read: Callable[[], list[Item]], kernel: str, folder: Path | 
 
 
 def _signals(settings: Settings, items: list[Item]) -> list[Signals]:
-    return replace(Chain.from_settings(settings), allow_still=True).all(item.pose for item in items)
+    chain = replace(Chain.from_settings(settings), allow_still=True)
+    return [chain(item.pose) for item in items]
 
 
 def as_toml(choice: Choice, problems: list[Problem]) -> str:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from datasets import PAPER_EXAMPLES
 
-from gesture_core.classify.evaluation import fold_votes
-from gesture_core.classify.library import medoids
+from gesture_core.classify.decision import votes_of
+from gesture_core.classify.learning import learn, medoids
 from gesture_core.settings import load_settings
 
 
@@ -39,5 +39,7 @@ def _right(
     labels: np.ndarray, distances: np.ndarray, queries: np.ndarray, examples: np.ndarray
 ) -> list[bool]:
     classes, codes = np.unique(labels, return_inverse=True)
-    votes = fold_votes(distances, codes, examples, queries, load_settings("modern"))
+    chosen, own = load_settings("modern").classify, codes[examples]
+    weights = learn(own, len(classes), chosen, distances[np.ix_(examples, examples)])[2]
+    votes = votes_of(distances[np.ix_(queries, examples)], own, len(classes), chosen.neighbors, weights)
     return list((votes.winners >= 0) & (classes[votes.winners] == labels[queries]))

@@ -26,15 +26,16 @@ from datasets import (
 )
 from videos import with_videos
 
+from gesture_core.classify.decision import votes_of
 from gesture_core.classify.evaluation import (
     Compared,
     Evaluation,
     Labelled,
     answer,
     compare_all,
-    fold_votes,
     wilson,
 )
+from gesture_core.classify.learning import learn
 from gesture_core.errors import GestureError
 from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain
@@ -89,10 +90,13 @@ def authors_examples(compared: Compared) -> str:
     """The six examples of the authors' program against all other subjects."""
     names = [compared.data.names[i] for i in compared.usable]
     labels = np.array([compared.data.labels[i] for i in compared.usable])
-    examples = [names.index(name) for name in PAPER_EXAMPLES]
+    examples = np.array([names.index(name) for name in PAPER_EXAMPLES])
     queries = [i for i, name in enumerate(names) if "_s1_" not in name]
     classes, codes = np.unique(labels, return_inverse=True)
-    votes = fold_votes(compared.within, codes, np.array(examples), np.array(queries), compared.settings)
+    chosen, own = compared.settings.classify, codes[examples]
+    weights = learn(own, len(classes), chosen, compared.within[np.ix_(examples, examples)])[2]
+    block = compared.within[np.ix_(queries, examples)]
+    votes = votes_of(block, own, len(classes), chosen.neighbors, weights)
     right = int((classes[votes.winners] == labels[queries]).sum())
     return counted(right, sum(s != "s1" for s in compared.data.subjects))
 

@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 from environment import header, one_thread
 
-from gesture_core.dtw.distances import make_batches
+from gesture_core.dtw.batches import make_batches
 from gesture_core.dtw.reference import reference_distance
-from gesture_core.dtw.soft import soft_gradients
+from gesture_core.dtw.soft import soft_warping_gradient
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.plugin import registry
 from gesture_core.types import Signals
@@ -230,7 +230,7 @@ def main() -> None:
     for name in (name for name in PLAIN if name in kernels):
         for dtype in (np.float32, np.float64):
             a, b = list(many_a[:48, :, :3].astype(dtype)), list(many_b[:48, :, :3].astype(dtype))
-            cpu = measure(lambda a=a, b=b, name=name: soft_gradients(a, b, soft, kernel=name), 3)[0]
+            cpu = measure(lambda a=a, b=b, name=name: soft_warping_gradient(a, b, soft, kernel=name), 3)[0]
             line(f"**{name}** {dtype.__name__}", cpu / 48**2, square, best)
 
     for script in ("search.py", "memory.py"):

@@ -68,8 +68,8 @@ def preset_predictions(queries: list[Item], examples: list[Item], settings: Sett
     # The paper counts a query in which nothing moves enough; the product calls it E_NO_SALIENT.
     chain = replace(Chain.from_settings(settings), allow_still=True)
     classifier = GestureClassifier(settings)
-    classifier.fit(chain.all(e.pose for e in examples), [e.label for e in examples])
-    _, near = classifier.kneighbors(chain.all(q.pose for q in queries), 1)
+    classifier.fit([chain(e.pose) for e in examples], [e.label for e in examples])
+    _, near = classifier.kneighbors([chain(q.pose) for q in queries], 1)
     return [examples[int(i)].name for i in near[:, 0]]
 
 

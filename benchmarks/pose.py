@@ -29,9 +29,8 @@ from gesture_core.errors import GestureError
 from gesture_core.files import cache_dir
 from gesture_core.plugin import registry
 from gesture_core.pose.extract import REVISION, extract_poses
-from gesture_core.pose.letterbox import Letterbox, input_size, to_batch
 from gesture_core.pose.models import find_model
-from gesture_core.pose.network import NetworkBackend
+from gesture_core.pose.network import Letterbox, NetworkBackend, input_size, to_batch
 from gesture_core.types import PoseSequence
 from gesture_core.video import open_video
 

@@ -17,10 +17,10 @@ import numpy as np
 from datasets import ROOT, Item, arguments, utd_openpose
 
 from gesture_core.classify.comparison import compare
-from gesture_core.classify.neighbors import votes_of
-from gesture_core.classify.weighing import Weighing, weighing_of
+from gesture_core.classify.decision import votes_of
+from gesture_core.classify.learning import ExampleWeights, learn
 from gesture_core.errors import GestureError
-from gesture_core.report.plots import BLUE, GREEN, GREY, ORANGE, new_figure, save
+from gesture_core.report.style import BLUE, GREEN, GREY, ORANGE, new_figure, save
 from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.skeletons import COCO18
@@ -131,15 +131,15 @@ STRESSES = (
 def accuracies(items: Sequence[Item], settings: Settings) -> dict[str, list[float]]:
     """Accuracy at each strength of each damage."""
     chain = replace(Chain.from_settings(settings), allow_still=True)
-    examples = chain.all(item.pose for item in items)
+    examples = [chain(item.pose) for item in items]
     codes = np.unique([item.label for item in items], return_inverse=True)[1]
     subjects = np.array([item.subject for item in items])
     within = compare(examples, examples, settings)
-    said = {}
+    weights = {}
     for who in np.unique(subjects):
         others = np.flatnonzero(subjects != who)
         among = within[np.ix_(others, others)]
-        said[str(who)] = weighing_of(among, codes[others], int(codes.max()) + 1, settings.classify)
+        weights[str(who)] = learn(codes[others], int(codes.max()) + 1, settings.classify, among)[2]
     out: dict[str, list[float]] = {}
     for stress in STRESSES:
         for strength in stress.strengths:
@@ -155,7 +155,7 @@ def accuracies(items: Sequence[Item], settings: Settings) -> dict[str, list[floa
             right = 0
             if queries:
                 distances = compare(queries, examples, settings)
-                right = recognised(distances, np.array(places), codes, subjects, settings, said)
+                right = recognised(distances, np.array(places), codes, subjects, settings, weights)
             out.setdefault(stress.name, []).append(right / len(items))
     return out
 
@@ -166,19 +166,19 @@ def recognised(
     codes: np.ndarray,
     subjects: np.ndarray,
     settings: Settings,
-    said: dict[str, Weighing | None],
+    weights: dict[str, ExampleWeights | None],
 ) -> int:
     """How many queries are recognised by the examples of the other subjects.
 
-    ``distances`` is (Q, N), ``places`` says which of the N items each query is, ``said`` what the
-    examples of all others say for each subject.
+    ``distances`` is (Q, N), ``places`` says which of the N items each query is, ``weights``
+    those of the examples of all others for each subject.
     """
     right = 0
-    for who, weighing in said.items():
+    for who, learned in weights.items():
         others = np.flatnonzero(subjects != who)
         own = np.flatnonzero(subjects[places] == who)
         block = distances[np.ix_(own, others)]
-        votes = votes_of(block, codes[others], int(codes.max()) + 1, settings.classify.neighbors, weighing)
+        votes = votes_of(block, codes[others], int(codes.max()) + 1, settings.classify.neighbors, learned)
         right += int((votes.winners == codes[places[own]]).sum())
     return right
 

@@ -15,8 +15,8 @@ import numpy as np
 from environment import header
 from published import HERE, SPECS, UNIVARIATE, WINDOWS, read
 
-from gesture_core.classify.neighbors import votes_of
-from gesture_core.classify.weighing import learn_weights
+from gesture_core.classify.decision import votes_of
+from gesture_core.classify.learning import learn_weights
 from gesture_core.dtw.distances import warping_distances
 from gesture_core.settings import ClassifySettings
 
@@ -31,9 +31,9 @@ def accuracies(archive: str, name: str, data: Path) -> tuple[float, float]:
     classes, codes = np.unique(known, return_inverse=True)
     distances, chosen = warping_distances(test, train, spec), ClassifySettings()
     within = warping_distances(train, train, spec)
-    weighing = learn_weights(within, codes, len(classes), chosen.sharpness, chosen.shrinkage)
+    weights = learn_weights(within, codes, len(classes), chosen.sharpness, chosen.shrinkage)
     nearest = votes_of(distances, codes, len(classes))
-    every = votes_of(distances, codes, len(classes), 0, weighing)
+    every = votes_of(distances, codes, len(classes), 0, weights)
     return tuple(float((classes[votes.winners] == wanted).mean()) for votes in (nearest, every))
 
 

@@ -73,11 +73,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Fill in the tables that a page asks for by name in double braces."""
+    """Fill in the tables that a page asks for by name in double braces; a figure keeps its unit in a cell."""
     for name, make in {"kinds": kinds_table, "extras": extras_table}.items():
         if (asked := f"{{{{ {name} }}}}") in markdown:
             markdown = markdown.replace(asked, "\n".join(make()))
-    return markdown
+    return re.sub(
+        r"^\|.*$", lambda line: re.sub(r"(?<=\d) (?=%|µs)", "\u00a0", line[0]), markdown, flags=re.MULTILINE
+    )
 
 
 def row(*cells: str) -> str:

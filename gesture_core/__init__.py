@@ -6,34 +6,64 @@ Public names are imported when they are first used; importing the package import
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gesture_core.classify.estimator import GestureClassifier as GestureClassifier
+    from gesture_core.dtw.distances import warping_distances as warping_distances
+    from gesture_core.dtw.spec import DtwSpec as DtwSpec
+    from gesture_core.errors import Code as Code
+    from gesture_core.errors import GestureError as GestureError
+    from gesture_core.plugin.hooks import hookimpl as hookimpl
+    from gesture_core.run.archive import classify_archive as classify_archive
+    from gesture_core.run.archive import load_poses as load_poses
+    from gesture_core.run.evaluate import evaluate_archive as evaluate_archive
+    from gesture_core.run.explain import explain as explain
+    from gesture_core.run.pipeline import RunSummary as RunSummary
+    from gesture_core.settings import Settings as Settings
+    from gesture_core.settings import load_settings as load_settings
+    from gesture_core.types import Neighbors as Neighbors
+    from gesture_core.types import PoseSequence as PoseSequence
+    from gesture_core.types import Prediction as Prediction
+    from gesture_core.types import Row as Row
+    from gesture_core.types import SignalBatch as SignalBatch
+    from gesture_core.types import Signals as Signals
 
 __version__ = "0.1.0"
 
 _PUBLIC = {
-    "DtwSpec": "gesture_core.dtw.spec",
-    "GestureClassifier": "gesture_core.classify.estimator",
-    "GestureError": "gesture_core.errors",
-    "Neighbors": "gesture_core.types",
-    "PoseSequence": "gesture_core.types",
-    "Prediction": "gesture_core.types",
-    "SignalBatch": "gesture_core.types",
-    "Signals": "gesture_core.types",
-    "classify_archive": "gesture_core.run.archive",
-    "hookimpl": "gesture_core.plugin.hooks",
-    "load_poses": "gesture_core.run.archive",
-    "warping_distances": "gesture_core.dtw.distances",
+    "Code": "errors",
+    "DtwSpec": "dtw.spec",
+    "GestureClassifier": "classify.estimator",
+    "GestureError": "errors",
+    "Neighbors": "types",
+    "PoseSequence": "types",
+    "Prediction": "types",
+    "Row": "types",
+    "RunSummary": "run.pipeline",
+    "Settings": "settings",
+    "SignalBatch": "types",
+    "Signals": "types",
+    "classify_archive": "run.archive",
+    "evaluate_archive": "run.evaluate",
+    "explain": "run.explain",
+    "hookimpl": "plugin.hooks",
+    "load_poses": "run.archive",
+    "load_settings": "settings",
+    "warping_distances": "dtw.distances",
 }
+"""Where each public name is, for when it is first used; the imports above say the same to type checkers."""
 
 __all__ = [*_PUBLIC, "__version__"]
 
+if not TYPE_CHECKING:  # a type checker would take any name for Any
 
-def __getattr__(name: str) -> Any:
-    if name not in _PUBLIC:
-        raise AttributeError(f"module 'gesture_core' has no attribute {name!r}")
-    value = getattr(import_module(_PUBLIC[name]), name)
-    globals()[name] = value
-    return value
+    def __getattr__(name):
+        if name not in _PUBLIC:
+            raise AttributeError(f"module 'gesture_core' has no attribute {name!r}")
+        value = getattr(import_module(f"gesture_core.{_PUBLIC[name]}"), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

@@ -44,10 +44,11 @@ class Skeleton:
     @property
     def mirror(self) -> tuple[int, ...]:
         """For each joint, the index of the joint on the other side of the body."""
-        return tuple(self.joints.index(_other_side(name)) for name in self.joints)
+        return tuple(self.joints.index(other_side(name)) for name in self.joints)
 
 
-def _other_side(name: str) -> str:
+def other_side(name: str) -> str:
+    """Name of a joint or channel on the other side of the body; itself on the body's middle line."""
     if name.startswith("left_"):
         return "right_" + name.removeprefix("left_")
     if name.startswith("right_"):

@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from gesture_core.errors import GestureError, InputError, KeypointError, SignalError
+from gesture_core.errors import Status as Status
 from gesture_core.files import printable
 from gesture_core.skeletons import COCO18, skeleton, to_coco18
-
-Status = Literal["ok", "degraded", "rejected", "skipped", "error"]
 
 
 def _single(array: np.ndarray) -> np.ndarray:

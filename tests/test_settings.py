@@ -11,6 +11,7 @@ from gesture_core.dtw.spec import BandMask
 from gesture_core.errors import ConfigError
 from gesture_core.plugin.interfaces import VideoLimits
 from gesture_core.settings import LimitSettings, Settings, load_settings, presets, settings_from_dict
+from gesture_core.settings.load import check_option
 
 
 def load(*sets: str, preset: str | Path | None = "paper", environment: dict[str, str] | None = None, **flags):  # type: ignore[no-untyped-def]
@@ -122,3 +123,22 @@ def test_an_option_of_another_preset_is_told_where_it_lives() -> None:
     assert len(caught.value.remedy) < 200
     with pytest.raises(ConfigError, match=r"nix\.toml: No such file"):
         load_settings("nix.toml")
+
+
+def test_the_plugins_of_the_chain_are_one_list() -> None:
+    assert load(preset="modern").plugins() == [
+        ("normalizer", "torso"),
+        ("selector", "moving"),
+        ("filter", "gaussian"),
+        ("filter", "resample"),
+        ("filter", "parts"),
+    ]
+    twice = load("filters=gaussian,gaussian:wide", "kernel=numpy").plugins()
+    assert twice[2:] == [("filter", "gaussian"), ("filter", "gaussian:wide"), ("kernel", "numpy")]
+
+
+def test_an_option_of_a_plugin_that_takes_no_part_is_refused_by_those_who_ask() -> None:
+    check_option("gaussian:wide.sigma", load("filters=gaussian:wide"), "--set")
+    check_option("numpy.anything", load(), "--set")
+    with pytest.raises(ConfigError, match=r"'gaussian:wide' takes no part.*signals\.filters=…,gaussian:wide"):
+        check_option("gaussian:wide.sigma", load(), "--set")

@@ -1,36 +1,29 @@
-"""`GestureClassifier`: the whole decision behind the names of scikit-learn, which it does not need."""
+"""`GestureClassifier`: a `Recognizer` as a scikit-learn classifier."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from numbers import Integral, Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from sklearn.base import BaseEstimator, ClassifierMixin
 
-from gesture_core.classify.comparison import check_alike, check_settings, compare, is_still
-from gesture_core.classify.decide import decide
-from gesture_core.classify.habits import ClassifierHabits
-from gesture_core.classify.labels import warn_of_contradictions
-from gesture_core.classify.library import ExampleLibrary, medoids
-from gesture_core.classify.neighbors import Votes, k_nearest, votes_of
-from gesture_core.classify.rejection import calibrated_thresholds, refusals
-from gesture_core.classify.weighing import Weighing, weighing_of
-from gesture_core.errors import ConfigError, GestureError, InputError, WarpingError
-from gesture_core.plugin import registry
+from gesture_core.classify.comparison import is_still
+from gesture_core.classify.decision import k_nearest, refusals, votes_of
+from gesture_core.classify.examples import ExampleLibrary
+from gesture_core.classify.learning import ExampleWeights
+from gesture_core.classify.recognizer import Item, Recognizer, signals_of
+from gesture_core.errors import ConfigError, InputError
 from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings
-from gesture_core.signals.chain import Chain
-from gesture_core.types import PoseSequence, Prediction, SignalBatch, Signals
+from gesture_core.types import PoseSequence, Prediction, Signals
 
-# Examples are compared with each other in blocks of so many rows at most, and of about so many seconds.
-_MOST_ROWS, _SECONDS = 256, 2.0
-
-Item = PoseSequence | Signals | np.ndarray
+if TYPE_CHECKING:
+    from sklearn.utils import Tags
 
 
-class GestureClassifier(ClassifierHabits):
+class GestureClassifier(ClassifierMixin, BaseEstimator):
     """Nearest examples by warping distance (Schneider et al. 2019, and what came after it).
 
     Parameters
@@ -40,7 +33,7 @@ class GestureClassifier(ClassifierHabits):
     kernel : str
         Distance kernel; ``auto`` leaves the choice to the preset, then to the machine.
     n_neighbors : int, optional
-        Examples that vote; 0: all of them, weighed. The preset's number by default.
+        Examples that vote; 0: all of them decide, weighted. The preset's number by default.
     reject : float or "calibrated" or None
         Largest distance that gets a label; ``"calibrated"`` takes mean + ``reject_sd`` (of the
         preset, otherwise 3) standard deviations of the distances inside each class. None leaves
@@ -54,8 +47,8 @@ class GestureClassifier(ClassifierHabits):
     n_neighbors_ : int
         Examples that vote; 0 where all of them decide.
     settings_ : Settings
-        What `fit` resolved, ``kernel`` and ``n_neighbors`` included; later changes of files and of the
-        environment do not reach it.
+        What `fit` resolved, with ``kernel``, ``n_neighbors`` and ``reject`` in their places; later
+        changes of files and of the environment do not reach it.
     classes_ : (C,) array
         The labels, each once, sorted.
     library_ : ExampleLibrary
@@ -64,8 +57,8 @@ class GestureClassifier(ClassifierHabits):
         Where each of them stood in the ``X`` of `fit`.
     thresholds_ : (C,) float array or None
         Rejection threshold of each class.
-    weighing_ : Weighing or None
-        What each example of `library_` says for each class, where all of them decide.
+    weights_ : ExampleWeights or None
+        How much each example of `library_` counts for each class, where all of them decide.
 
     Notes
     -----
@@ -119,42 +112,19 @@ class GestureClassifier(ClassifierHabits):
             Where an example or a label cannot be used; the message names it. A fitted classifier
             then stays as it was.
         """
-        if len(X) != len(y):
-            raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
         settings = self._resolve()
-        check_settings(settings)
-        chosen = settings.classify
-        library = ExampleLibrary.of(_through(Chain.from_settings(settings), X, "example"), list(y), names)
-        check_alike(library.series, "example")
-        if not isinstance(library.series[0], Signals):
-            SignalBatch.of(library.series, np.float64, name="example")
-            # One precision whatever a query has, so that no row depends on the others of its batch.
-            library = replace(library, series=tuple(np.array(item, np.float64) for item in library.series))
-        if chosen.kernel != "auto":
-            registry().find("kernel", chosen.kernel)
-        codes, count = library.codes, len(library.classes)
-        _check_neighbors(chosen.neighbors, count if chosen.representative else len(library))
-        limit, calibrated = self._rejection(settings, library)
-        warn_of_contradictions(library.series, library.labels, library.names, stacklevel=2)
-        indices = np.arange(len(library))
-        thresholds = None if limit is None else np.full(count, limit)
-        weighing = None
-        if chosen.representative or calibrated or chosen.neighbors == 0:
-            within = _among(library.series, settings, alive)
-            if chosen.representative:
-                indices = medoids(within, codes)
-            if calibrated:
-                sd = 3.0 if chosen.reject_sd is None else chosen.reject_sd
-                own = calibrated_thresholds(within, codes, count, sd, indices)
-                thresholds = own if thresholds is None else np.minimum(thresholds, own)
-            weighing = weighing_of(within[np.ix_(indices, indices)], codes[indices], count, chosen)
+        if self.reject is None and len(X) > 0 and not isinstance(X[0], PoseSequence | Signals):
+            # A preset's distance is in the unit of its own chain, which bare arrays do not have.
+            settings = replace(settings, classify=replace(settings.classify, reject=None))
+        fitted = Recognizer.fit(settings, X, y, names, alive=alive, stacklevel=2)
+        self._recognizer = fitted
         self.settings_: Settings = settings
-        self.n_neighbors_: int = chosen.neighbors
-        self.thresholds_: np.ndarray | None = thresholds
-        self.weighing_: Weighing | None = weighing
-        self.library_: ExampleLibrary = library.take(indices)
-        self.example_indices_: np.ndarray = indices
-        self.classes_: np.ndarray = self.library_.classes
+        self.n_neighbors_: int = settings.classify.neighbors
+        self.thresholds_: np.ndarray | None = fitted.thresholds
+        self.weights_: ExampleWeights | None = fitted.weights
+        self.library_: ExampleLibrary = fitted.library
+        self.example_indices_: np.ndarray = fitted.kept
+        self.classes_: np.ndarray = fitted.library.classes
         return self
 
     def predict(self, X: Sequence[Item]) -> np.ndarray:
@@ -168,7 +138,8 @@ class GestureClassifier(ClassifierHabits):
         """
         self._check_fitted()
         signals = self.signals(X)
-        votes = self._votes(self.distances(signals))
+        distances, library = self.distances(signals), self.library_
+        votes = votes_of(distances, library.codes, len(library.classes), self.n_neighbors_, self.weights_)
         for index in np.flatnonzero(votes.winners < 0):
             if not is_still(signals[index]):
                 raise InputError(
@@ -177,7 +148,17 @@ class GestureClassifier(ClassifierHabits):
                     code="E_NO_COMMON",
                 )
         codes = refusals(votes, self.thresholds_, self.settings_.classify.margin)
-        return self._labels(votes.winners, np.array(codes, str) != "")
+        labels: np.ndarray = self.classes_[votes.winners]
+        refused = np.array(codes, str) != ""
+        if not refused.any():
+            return labels
+        instead = np.asarray(self.rejected_label)
+        if instead.ndim == 0 and instead.dtype.kind == labels.dtype.kind:
+            return np.where(refused, instead, labels)
+        labels = labels.astype(object)
+        for index in np.flatnonzero(refused):
+            labels[index] = self.rejected_label
+        return labels
 
     def predictions(self, X: Sequence[Item]) -> list[Prediction]:
         """One `Prediction` for each query: label, distance, margin, neighbours, or why there is none.
@@ -188,42 +169,7 @@ class GestureClassifier(ClassifierHabits):
             Where the settings or the distance kernel are at fault, and not a query.
         """
         self._check_fitted()
-        out: dict[int, Prediction] = {}
-        usable: list[tuple[int, Signals | np.ndarray]] = []
-        chain = self._chain()
-        for place, item in enumerate(X):
-            try:
-                usable += [(place, series) for series in _through(chain, [item], "query", place)]
-            except GestureError as error:
-                out[place] = Prediction(None, "error", code=error.code, message=error.message)
-        out.update(self._decided(usable))
-        return [out[place] for place in sorted(out)]
-
-    def _decided(self, queries: Sequence[tuple[int, Signals | np.ndarray]]) -> dict[int, Prediction]:
-        """A prediction for each query by its place; halves of what cannot be compared, down to one."""
-        if not queries:
-            return {}
-        series = [item for _, item in queries]
-        try:
-            distances = compare(series, self.library_.series, self.settings_)
-        except (InputError, WarpingError) as error:
-            if len(queries) > 1:
-                half = len(queries) // 2
-                return self._decided(queries[:half]) | self._decided(queries[half:])
-            place = queries[0][0]
-            # Alone it was the first of its batch.
-            message = error.message.replace("query 0", f"query {place}")
-            return {place: Prediction(None, "error", code=error.code, message=message)}
-        decided = decide(
-            distances,
-            series,
-            self.library_,
-            self.n_neighbors_,
-            self.thresholds_,
-            self.weighing_,
-            self.settings_.classify.margin,
-        )
-        return {place: prediction for (place, _), prediction in zip(queries, decided, strict=True)}
+        return self._recognizer.predictions(X)
 
     def kneighbors(self, X: Sequence[Item], n_neighbors: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(Q, k) distances and indices into the ``X`` of `fit`, nearest first."""
@@ -242,22 +188,15 @@ class GestureClassifier(ClassifierHabits):
     def distances(self, X: Sequence[Item]) -> np.ndarray:
         """(Q, N) warping distances to the examples of `library_`."""
         self._check_fitted()
-        return compare(self.signals(X), self.library_.series, self.settings_)
+        return self._recognizer.distances(self.signals(X))
 
     def signals(self, X: Sequence[Item]) -> list[Signals | np.ndarray]:
         """``X`` as the chain of the preset sees it; Signals and arrays pass unchanged."""
-        return _through(self._chain(), X, "sequence")
-
-    def __repr__(self) -> str:
-        preset = self.preset.preset if isinstance(self.preset, Settings) else self.preset
-        params = self.get_params() | {"preset": preset}
-        return f"GestureClassifier({', '.join(f'{name}={value!r}' for name, value in params.items())})"
-
-    def _settings(self) -> Settings:
-        return self.settings_ if hasattr(self, "settings_") else self._resolve()
+        fitted = self.__sklearn_is_fitted__()
+        return signals_of(X, self.settings_ if fitted else self._resolve(), "sequence")
 
     def _resolve(self) -> Settings:
-        """The settings of the next `fit`: those of the preset, with what the constructor says instead."""
+        """The settings of the next `fit`: those of the preset, overruled by the other parameters."""
         settings = self.preset if isinstance(self.preset, Settings) else load_settings(self.preset)
         changes: dict[str, Any] = {}
         if self.kernel != "auto":
@@ -270,81 +209,30 @@ class GestureClassifier(ClassifierHabits):
                     code="E_NEIGHBORS",
                 )
             changes["neighbors"] = int(self.n_neighbors)
+        if isinstance(self.reject, str) and self.reject == "calibrated":
+            sd = settings.classify.reject_sd
+            changes |= {"reject": None, "reject_sd": 3.0 if sd is None else sd}
+        elif self.reject is not None:
+            number = isinstance(self.reject, Real) and not isinstance(self.reject, bool)
+            if not number or np.isnan(self.reject):
+                raise ConfigError(
+                    f"reject={self.reject!r}", remedy="a distance or 'calibrated'", code="E_REJECT"
+                )
+            changes |= {"reject": float(self.reject), "reject_sd": None}
         return replace(settings, classify=replace(settings.classify, **changes))
 
-    def _chain(self) -> Chain:
-        return Chain.from_settings(self._settings())
-
-    def _votes(self, distances: np.ndarray) -> Votes:
-        return votes_of(distances, self.library_.codes, len(self.classes_), self.n_neighbors_, self.weighing_)
-
-    def _labels(self, winners: np.ndarray, refused: np.ndarray) -> np.ndarray:
-        """The label of each winner, and ``rejected_label`` where one was refused."""
-        labels = self.classes_[winners]
-        if not refused.any():
-            return labels
-        instead = np.asarray(self.rejected_label)
-        if instead.ndim == 0 and instead.dtype.kind == labels.dtype.kind:
-            return np.where(refused, instead, labels)
-        mixed = labels.astype(object)
-        for index in np.flatnonzero(refused):
-            mixed[index] = self.rejected_label
-        return mixed
-
-    def _rejection(self, settings: Settings, library: ExampleLibrary) -> tuple[float | None, bool]:
-        """The largest distance that gets a label, and whether each class has a calibrated one as well."""
-        chosen = settings.classify
-        if self.reject is None:
-            # A preset's distance is in the unit of its own chain; it says nothing of bare arrays.
-            known = all(isinstance(item, Signals) for item in library.series)
-            return (chosen.reject if known else None), chosen.reject_sd is not None
-        if isinstance(self.reject, str) and self.reject == "calibrated":
-            return None, True
-        number = isinstance(self.reject, Real) and not isinstance(self.reject, bool)
-        if not number or np.isnan(self.reject):
-            raise ConfigError(f"reject={self.reject!r}", remedy="a distance or 'calibrated'", code="E_REJECT")
-        return float(self.reject), False
-
     def _check_fitted(self) -> None:
-        if not hasattr(self, "library_"):
+        if not self.__sklearn_is_fitted__():
             raise InputError(
                 "the classifier has no examples yet", remedy="fit(X, y) first", code="E_EXAMPLES"
             )
 
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "library_")
 
-def _through(chain: Chain, X: Sequence[Item], name: str, first: int = 0) -> list[Signals | np.ndarray]:
-    """``X`` with keypoints made signals; an error says of which element, ``name`` and number, it is."""
-    if isinstance(X, PoseSequence | Signals):
-        raise InputError(f"one {type(X).__name__} instead of a sequence of them", remedy="a list: [it]")
-    out: list[Signals | np.ndarray] = []
-    for index, item in enumerate(X, first):
-        try:
-            out.append(chain(item) if isinstance(item, PoseSequence) else item)
-        except GestureError as error:
-            error.about(f"{name} {index}")
-            raise
-    return out
-
-
-def _check_neighbors(wanted: int, examples: int) -> None:
-    if wanted > examples:
-        raise ConfigError(
-            f"{wanted} neighbours were asked for and there are {examples} examples",
-            remedy=f"n_neighbors from 0, for all of them, to {examples}",
-            code="E_NEIGHBORS",
-        )
-
-
-def _among(
-    series: Sequence[Signals | np.ndarray], settings: Settings, alive: Callable[[], None]
-) -> np.ndarray:
-    """(N, N) distances among the examples, as many rows at a time as a kernel does in seconds."""
-    blocks: list[np.ndarray] = []
-    start, rows = 0, 1
-    while start < len(series):
-        begun = time.monotonic()
-        blocks.append(compare(series[start : start + rows], series, settings))
-        alive()
-        start += rows
-        rows = max(1, min(_MOST_ROWS, int(rows * _SECONDS / max(time.monotonic() - begun, 1e-3))))
-    return np.concatenate(blocks)
+    def __sklearn_tags__(self) -> Tags:
+        tags = super().__sklearn_tags__()
+        tags.input_tags.two_d_array = False
+        tags.input_tags.three_d_array = True
+        tags.input_tags.allow_nan = True
+        return tags

@@ -1,23 +1,22 @@
-"""How good a preset is on labelled sequences: accuracy, recall, confusion, what rejection costs."""
+"""How good a preset is on labelled sequences: protocols, accuracy, confusion, what rejection costs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from gesture_core.classify.comparison import compare, is_still
-from gesture_core.classify.library import medoids
-from gesture_core.classify.neighbors import Votes, votes_of
-from gesture_core.classify.protocols import folds
-from gesture_core.classify.rejection import calibrated_thresholds, refusals
-from gesture_core.classify.weighing import weighing_of
+from gesture_core.classify.decision import refusals, votes_of
+from gesture_core.classify.learning import learn, medoids, needs_distances
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.settings import Settings
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence, Signals
+
+PROTOCOLS = ("leave-one-subject-out", "leave-one-out", "donor", "split")
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,18 +190,92 @@ def compare_all(data: Labelled, settings: Settings) -> Compared:
     InputError
         Where fewer than two sequences can be used.
     """
-    signals, usable, errors = _signals(data, settings)
-    if len(usable) < 2:
+    chain = Chain.from_settings(settings)
+    signals: dict[int, Signals] = {}
+    errors: dict[int, GestureError] = {}
+    for index, pose in enumerate(data.poses):
+        try:
+            if isinstance(pose, GestureError):
+                raise pose
+            signals[index] = pose if isinstance(pose, Signals) else chain(pose)
+        except GestureError as error:
+            errors[index] = error
+    if len(signals) < 2:
         first = f"; the first one: {next(iter(errors.values()))}" if errors else ""
-        raise InputError(f"{len(usable)} sequences can be used{first}", code="E_EMPTY")
-    within = compare(signals, signals, settings).astype(np.float64)
-    still = np.array([is_still(item) for item in signals], bool)
-    return Compared(data, settings, np.array(usable, np.int64), within, errors, still)
+        raise InputError(f"{len(signals)} sequences can be used{first}", code="E_EMPTY")
+    series = list(signals.values())
+    within = compare(series, series, settings).astype(np.float64)
+    still = np.array([is_still(item) for item in series], bool)
+    return Compared(data, settings, np.array(list(signals), np.int64), within, errors, still)
 
 
-def evaluate(data: Labelled, protocol: str, settings: Settings) -> Evaluation:
-    """Test ``data`` on itself by ``protocol`` under ``settings``; see `compare_all` and `answer`."""
-    return answer(compare_all(data, settings), protocol)
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """One split: indices of the examples and of the queries, and what it is called."""
+
+    name: str
+    train: np.ndarray
+    test: np.ndarray
+
+
+def folds(
+    protocol: str,
+    codes: np.ndarray,
+    subjects: Sequence[str],
+    within: np.ndarray,
+    train: Sequence[bool] | None = None,
+) -> Iterator[Fold]:
+    """The folds of ``protocol``.
+
+    Parameters
+    ----------
+    protocol : str
+        ``leave-one-subject-out``: each subject against all others. ``leave-one-out``: each
+        sequence against all others. ``donor``: one subject gives one example a class (the medoid
+        of their trials), all others are tested; each subject in turn. ``split``: by ``train``.
+    codes : (N,) int array
+        Class of each sequence.
+    subjects : sequence of N str
+    within : (N, N) float array
+        Distances, for the medoids.
+    train : sequence of N bool, optional
+        Examples of the ``split``.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown protocol, a single subject, or an empty side of the split.
+    """
+    who = np.asarray(subjects)
+    every, known = np.arange(len(codes)), np.unique(who)
+    if protocol in ("leave-one-subject-out", "donor") and len(known) < 2:
+        raise ConfigError(
+            f"protocol {protocol} needs two subjects and there is {len(known)}",
+            remedy="--subjects with a regular expression that finds them, or --protocol leave-one-out",
+            code="E_SUBJECTS",
+        )
+    if protocol == "leave-one-subject-out":
+        for subject in known:
+            yield Fold(str(subject), every[who != subject], every[who == subject])
+    elif protocol == "leave-one-out":
+        for index in every:
+            yield Fold(str(index), np.delete(every, index), every[index : index + 1])
+    elif protocol == "donor":
+        for subject in known:
+            own = every[who == subject]
+            chosen = own[medoids(within[np.ix_(own, own)], codes[own])]
+            yield Fold(str(subject), chosen, every[who != subject])
+    elif protocol == "split":
+        given = np.zeros(len(codes), bool) if train is None else np.asarray(train, bool)
+        if not given.any() or given.all():
+            raise ConfigError(
+                "the split leaves no example or no query",
+                remedy="--train with a regular expression that finds the examples",
+                code="E_SPLIT",
+            )
+        yield Fold("split", every[given], every[~given])
+    else:
+        raise ConfigError(f"protocol {protocol!r}", remedy=f"one of {', '.join(PROTOCOLS)}", code="E_OPTION")
 
 
 def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None = None) -> Evaluation:
@@ -214,62 +287,50 @@ def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None 
     Raises
     ------
     ConfigError
-        For a protocol that does not fit the data.
+        For a protocol that does not fit the data, and for more neighbours than a fold has examples.
     """
-    data, settings, within, usable = compared.data, compared.settings, compared.within, compared.usable
-    labels = np.array([str(data.labels[i]) for i in usable])
-    classes, codes = np.unique(labels, return_inverse=True)
+    data, chosen, within, usable = compared.data, compared.settings.classify, compared.within, compared.usable
+    classes, codes = np.unique(np.array([str(data.labels[i]) for i in usable]), return_inverse=True)
     subjects = [data.subjects[i] for i in usable]
     train = None if data.train is None else [data.train[i] for i in usable]
     answers: list[Answer] = []
     names: list[str] = []
     for fold in folds(protocol, codes, subjects, within, train):
-        examples = fold.train
-        if settings.classify.representative:
-            examples = examples[medoids(within[np.ix_(examples, examples)], codes[examples])]
-        thresholds = _thresholds(within, fold.train, examples, codes, len(classes), settings)
-        votes = fold_votes(within, codes, examples, fold.test, settings)
+        among = within[np.ix_(fold.train, fold.train)] if needs_distances(chosen) else None
+        kept, thresholds, weights = learn(codes[fold.train], len(classes), chosen, among)
+        examples = fold.train[kept]
+        block = within[np.ix_(fold.test, examples)]
+        votes = votes_of(block, codes[examples], len(classes), chosen.neighbors, weights)
         still = None if compared.still is None else compared.still[fold.test]
-        refused = refusals(votes, thresholds, settings.classify.margin, still)
-        for row, where in enumerate(fold.test):
-            origin = int(usable[where])
-            answers.append(_answer(data, origin, fold.name, votes, row, classes, thresholds, refused[row]))
+        refused = refusals(votes, thresholds, chosen.margin, still)
+        for row, origin in enumerate(usable[fold.test]):
+            winner = int(votes.winners[row])
+            limit = np.inf if winner < 0 or thresholds is None else float(thresholds[winner])
+            answers.append(
+                Answer(
+                    data.names[origin],
+                    str(data.labels[origin]),
+                    data.subjects[origin],
+                    fold.name,
+                    None if refused[row] else str(classes[winner]),
+                    float(votes.distances[row]),
+                    float(votes.margins[row]),
+                    limit,
+                    refused[row],
+                )
+            )
         names.append(fold.name)
     for index, error in compared.errors.items():
-        tested_in = _folds_of(data, index, protocol, names)
-        answers += [_unusable(data, index, fold_name, error) for fold_name in tested_in]
-    return Evaluation(answers, protocol, settings, dict(changes or {}))
-
-
-def fold_votes(
-    within: np.ndarray, codes: np.ndarray, examples: np.ndarray, tested: np.ndarray, settings: Settings
-) -> Votes:
-    """What the classifier would say of some sequences, given others as its examples.
-
-    Parameters
-    ----------
-    within : (M, M) float array
-        Distances of all sequences, as queries, to all, as examples.
-    codes : (M,) int array
-        Class of each sequence.
-    examples, tested : int arrays
-        Positions in ``within``.
-    settings : Settings
-
-    Returns
-    -------
-    Votes
-        Of the tested sequences, classes numbered as in ``codes``.
-
-    Raises
-    ------
-    ConfigError
-        Where more neighbours are asked for than there are examples, as in the classifier.
-    """
-    chosen, classes = settings.classify, int(codes.max()) + 1
-    weighing = weighing_of(within[np.ix_(examples, examples)], codes[examples], classes, chosen)
-    block = within[np.ix_(tested, examples)]
-    return votes_of(block, codes[examples], classes, chosen.neighbors, weighing)
+        name, label, subject = data.names[index], str(data.labels[index]), data.subjects[index]
+        # The folds that test a sequence that cannot be used, even where they test nothing else.
+        tested: Sequence[str] = [subject if protocol == "leave-one-subject-out" else name]
+        if protocol == "split":
+            tested = names if data.train is None or not data.train[index] else ()
+        elif protocol == "donor":
+            tested = [fold_name for fold_name in names if fold_name != subject]
+        for fold_name in tested:
+            answers.append(Answer(name, label, subject, fold_name, None, np.inf, np.inf, code=error.code))
+    return Evaluation(answers, protocol, compared.settings, dict(changes or {}))
 
 
 def choose_nested(candidates: Sequence[Compared]) -> tuple[Evaluation, dict[str, int]]:
@@ -307,45 +368,6 @@ def choose_nested(candidates: Sequence[Compared]) -> tuple[Evaluation, dict[str,
     return Evaluation(answers, "leave-one-subject-out, nested", candidates[0].settings), choices
 
 
-def _answer(
-    data: Labelled,
-    origin: int,
-    fold: str,
-    votes: Votes,
-    row: int,
-    classes: np.ndarray,
-    thresholds: np.ndarray,
-    code: str,
-) -> Answer:
-    winner, distance = int(votes.winners[row]), float(votes.distances[row])
-    threshold = float(thresholds[winner]) if winner >= 0 else np.inf
-    return Answer(
-        data.names[origin],
-        str(data.labels[origin]),
-        data.subjects[origin],
-        fold,
-        None if code else str(classes[winner]),
-        distance,
-        float(votes.margins[row]),
-        threshold,
-        code,
-    )
-
-
-def _unusable(data: Labelled, index: int, fold: str, error: GestureError) -> Answer:
-    label, subject = str(data.labels[index]), data.subjects[index]
-    return Answer(data.names[index], label, subject, fold, None, np.inf, np.inf, code=error.code)
-
-
-def _folds_of(data: Labelled, index: int, protocol: str, names: Sequence[str]) -> Sequence[str]:
-    """The folds that ask for a sequence that cannot be used, even where they ask for nothing else."""
-    if protocol == "split":
-        return names if data.train is None or not data.train[index] else ()
-    if protocol == "donor":
-        return [name for name in names if name != data.subjects[index]]
-    return [data.subjects[index] if protocol == "leave-one-subject-out" else data.names[index]]
-
-
 def wilson(right: int, total: int, z: float = 1.96) -> tuple[float, float]:
     """Interval of a share from ``right`` successes in ``total`` trials (Wilson 1927)."""
     if total == 0:
@@ -355,36 +377,3 @@ def wilson(right: int, total: int, z: float = 1.96) -> tuple[float, float]:
     spread = z * np.sqrt(share * (1 - share) / total + z * z / (4 * total * total))
     scale = 1 + z * z / total
     return max(0.0, float((middle - spread) / scale)), min(1.0, float((middle + spread) / scale))
-
-
-def _signals(data: Labelled, settings: Settings) -> tuple[list[Signals], list[int], dict[int, GestureError]]:
-    chain = Chain.from_settings(settings)
-    signals: list[Signals] = []
-    usable: list[int] = []
-    errors: dict[int, GestureError] = {}
-    for index, pose in enumerate(data.poses):
-        try:
-            if isinstance(pose, GestureError):
-                raise pose
-            signals.append(pose if isinstance(pose, Signals) else chain(pose))
-            usable.append(index)
-        except GestureError as error:
-            errors[index] = error
-    return signals, usable, errors
-
-
-def _thresholds(
-    within: np.ndarray,
-    train: np.ndarray,
-    examples: np.ndarray,
-    codes: np.ndarray,
-    classes: int,
-    settings: Settings,
-) -> np.ndarray:
-    """(C,) what each class's distance may be; ``examples`` are those of ``train`` that are kept."""
-    chosen = settings.classify
-    limit = np.full(classes, np.inf if chosen.reject is None else chosen.reject)
-    if chosen.reject_sd is None:
-        return limit
-    among, kept = within[np.ix_(train, train)], np.flatnonzero(np.isin(train, examples))
-    return np.minimum(limit, calibrated_thresholds(among, codes[train], classes, chosen.reject_sd, kept))

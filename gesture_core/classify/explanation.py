@@ -1,18 +1,15 @@
-"""Why a query got its label: the warpings, what each channel costs, and what each example says."""
+"""Why a query got its label: the warpings, what each channel costs, and what each example adds."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.classify.comparison import comparable, pair_factors, takes_parts
-from gesture_core.classify.library import ExampleLibrary
-from gesture_core.classify.neighbors import Votes, k_nearest, speakers, votes_of
-from gesture_core.classify.separate import part_spec, parts, take
-from gesture_core.classify.weighing import Weighing
-from gesture_core.dtw.spec import DtwSpec
+from gesture_core.classify.comparison import comparable, pair_divisors, parts, takes_parts
+from gesture_core.classify.decision import k_nearest, named_examples, votes_of
+from gesture_core.classify.examples import ExampleLibrary
+from gesture_core.classify.learning import ExampleWeights
 from gesture_core.errors import InputError
 from gesture_core.settings import Settings
 from gesture_core.signals.mirror import mirrored
@@ -34,7 +31,7 @@ class Alignment:
     query, signals : Signals
         What was compared; ``signals`` is the example, mirrored where that was nearer.
     costs : (D,) float array
-        Part of the distance that each channel contributes; zero for channels that do not take part.
+        Part of the distance that each channel adds; zero for channels that do not take part.
     used : (D,) bool
         Channels that take part.
     paths : tuple of (K, 2) int arrays
@@ -60,8 +57,8 @@ class Alignment:
 
 
 @dataclass(frozen=True)
-class Voice:
-    """What one example says where all of them decide.
+class Contribution:
+    """What one example adds to the decision where all of them decide.
 
     Attributes
     ----------
@@ -69,15 +66,15 @@ class Voice:
     distance : float
     similarity : float
         0 to 1.
-    says : float
-        What it adds to the score of the class that won minus that of the runner-up.
+    added : float
+        To the score of the class that won minus that of the runner-up.
     """
 
     example: str
     label: str
     distance: float
     similarity: float
-    says: float
+    added: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,15 +89,15 @@ class Explanation:
     runner_up : Alignment or None
         The nearest example of the class with the second highest score where all examples decide,
         otherwise the nearest one of any other class; None with one class.
-    voices : tuple of Voice
-        Of all examples, the loudest first, where all of them decide; what they say adds up to `lead`.
+    contributions : tuple of Contribution
+        Of all examples, the largest first, where all of them decide; they add up to `lead`.
     lead : float
         Score of the winner minus that of the runner-up; 0 where the nearest examples vote.
     """
 
     nearest: Alignment
     runner_up: Alignment | None
-    voices: tuple[Voice, ...] = ()
+    contributions: tuple[Contribution, ...] = ()
     lead: float = 0.0
 
 
@@ -109,7 +106,7 @@ def explain(
     library: ExampleLibrary,
     distances: np.ndarray,
     settings: Settings,
-    weighing: Weighing | None = None,
+    weights: ExampleWeights | None = None,
 ) -> Explanation:
     """Explain one row of distances.
 
@@ -121,9 +118,9 @@ def explain(
     distances : (N,) float array
         The query's distances to the examples, as `comparison.compare` gives them.
     settings : Settings
-        With the number of neighbours that vote, where ``weighing`` is not given.
-    weighing : Weighing, optional
-        What each example says, where all of them decide.
+        With the number of neighbours that vote, where ``weights`` is not given.
+    weights : ExampleWeights, optional
+        How much each example counts, where all of them decide.
 
     Raises
     ------
@@ -132,47 +129,44 @@ def explain(
     """
     row, codes = np.where(np.isnan(distances), np.inf, distances)[None], library.codes
     neighbors = min(max(1, settings.classify.neighbors), len(library))
-    votes = votes_of(row, codes, len(library.classes), neighbors, weighing)
+    votes = votes_of(row, codes, len(library.classes), neighbors, weights)
     if votes.winners[0] < 0:
         raise InputError("no example has a dimension in common with this input", code="E_NO_COMMON")
-    first, *others = _best_two(row, codes, votes)
-    nearest = align(query, library, first, settings)
-    if not others:
+    if weights is not None:
+        sides = named_examples(row, codes, votes)[0][:2]
+    else:
+        won = codes == votes.winners[0]
+        near = k_nearest(np.concatenate([np.where(side, row, np.inf) for side in (won, ~won)]))
+        sides = near.indices[np.isfinite(near.distances)]
+    nearest = align(query, library, int(sides[0]), settings)
+    if len(sides) == 1:
         return Explanation(nearest, None)
-    runner_up = align(query, library, others[0], settings)
-    if weighing is None:
+    runner_up = align(query, library, int(sides[1]), settings)
+    if weights is None:
         return Explanation(nearest, runner_up)
-    said = weighing.voices(row)[0]
-    says = said[:, codes[first]] - said[:, codes[others[0]]]
-    voices = [
-        Voice(library.names[i], str(library.labels[i]), float(row[0, i]), float(similarity), float(says[i]))
-        for i, similarity in enumerate(weighing.similarities(row)[0])
+    scores = weights.contributions(row)[0]
+    added = scores[:, codes[sides[0]]] - scores[:, codes[sides[1]]]
+    contributions = [
+        Contribution(
+            library.names[i], str(library.labels[i]), float(row[0, i]), float(similarity), float(added[i])
+        )
+        for i, similarity in enumerate(weights.similarities(row)[0])
     ]
-    loudest = tuple(sorted(voices, key=lambda voice: -abs(voice.says)))
-    return Explanation(nearest, runner_up, loudest, float(says.sum()))
-
-
-def _best_two(row: np.ndarray, codes: np.ndarray, votes: Votes) -> list[int]:
-    """The nearest example of the winner and that of the runner-up, if any, in a row (1, N) of distances."""
-    if votes.order is not None:
-        return speakers(row, codes, votes)[0][:2].tolist()
-    own = codes == votes.winners[0]
-    sides = [k_nearest(np.where(side, row, np.inf)) for side in (own, ~own)]
-    return [int(side.indices[0, 0]) for side in sides if np.isfinite(side.distances[0, 0])]
+    contributions.sort(key=lambda one: -abs(one.added))
+    return Explanation(nearest, runner_up, tuple(contributions), float(added.sum()))
 
 
 def align(query: Signals, library: ExampleLibrary, index: int, settings: Settings) -> Alignment:
     """Warp ``query`` to example ``index``, as it is or mirrored, whichever is nearer."""
-    query, example = comparable([query, library.series[index]], settings)  # type: ignore[assignment]
-    assert isinstance(example, Signals)
+    query, example = comparable([query, library.series[index]], settings)
     readings = [(example, False, 1.0)]
     if settings.classify.mirror is not None:
         readings.append((mirrored(example), True, settings.classify.mirror))
     found = []
     for signals, flipped, factor in readings:
-        costs, used, paths, places = pair_costs(query, signals, settings)
-        divisor = float(pair_factors([query], [signals], settings)[0, 0])
-        # As in the comparison: no distance is none at all, whatever it is measured by.
+        costs, used, paths, places = channel_costs(query, signals, settings)
+        divisor = float(pair_divisors([query], [signals], settings)[0, 0])
+        # As in the comparison: no distance is none at all, whatever it is divided by.
         costs = costs * (factor / divisor if divisor > 0 else 1.0)
         distance = float(costs.sum()) if used.any() and (divisor > 0 or not costs.any()) else np.inf
         name, label = library.names[index], str(library.labels[index])
@@ -180,102 +174,67 @@ def align(query: Signals, library: ExampleLibrary, index: int, settings: Setting
     return min(found, key=lambda alignment: alignment.distance)
 
 
-def pair_costs(
+def channel_costs(
     query: Signals, example: Signals, settings: Settings
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...], np.ndarray]:
     """What each channel adds to the warping distance of a pair, before anything divides it.
 
+    Channels that share one path share its cost: by their local costs along it, for a Euclidean local
+    cost in the ratio of the squared differences. A soft warping is shown by its hard path.
+
     Returns
     -------
     costs : (D,) float64
+        They add up to the distance.
     used : (D,) bool
     paths : tuple of (K, 2) int64
+        One for each warping.
     places : (D,) int64
         Index of each channel's path, -1 for unused channels.
     """
-    spec = settings.dtw
-    if not takes_parts(settings):
-        costs, used, paths = channel_costs(query, example, spec)
-        order = np.cumsum(used) - 1 if spec.mode == "independent" else np.zeros(len(used), np.int64)
-        return costs, used, paths, np.where(used, order, -1)
-    width = len(query.channels)
-    costs, used, places = np.zeros(width), np.zeros(width, bool), np.full(width, -1)
-    ways: list[np.ndarray] = []
-    for part in parts(query.channels):
-        some, other = take([query, example], part)
-        costs[part], used[part], found = channel_costs(some, other, part_spec(spec, part))
-        places[part] = np.where(used[part], len(ways), -1)
-        ways += found
-    if spec.reduce == "mean":
-        costs /= max(int(used.sum()), 1)
-    return costs, used, tuple(ways), places
-
-
-def channel_costs(
-    query: Signals, example: Signals, spec: DtwSpec
-) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
-    """What each channel adds to the warping distance of a pair.
-
-    In dependent mode all channels share one path, and a channel's part is its local cost along it
-    (for a Euclidean local cost, in the ratio of the squared differences). The parts add up to the
-    distance.
-
-    Returns
-    -------
-    costs : (D,) float64
-    used : (D,) bool
-    paths : tuple of (K, 2) int64
-    """
-    from gesture_core.dtw.reference import local_costs
-
-    width = len(query.channels)
-    masks = np.asarray(query.mask) | np.asarray(example.mask)
-    used = masks & np.asarray(query.present) & np.asarray(example.present)
-    costs = np.zeros(width)
-    dimensions = np.flatnonzero(used)
-    if len(dimensions) == 0:
-        return costs, used, ()
-    x, y = query.values.astype(np.float64), example.values.astype(np.float64)
-    paths = []
-    groups = (
-        [dimensions] if spec.mode == "dependent" else [dimensions[i : i + 1] for i in range(len(dimensions))]
-    )
-    for group in groups:
-        path, total = _warp(x, y, spec, group)
-        paths.append(path)
-        total = _finish(total, len(x) + len(y), spec)
-        if spec.mode != "dependent" and spec.reduce == "mean":
-            total /= len(dimensions)
-        squared = spec.replace(cost="squared") if spec.cost == "euclidean" else spec
-        parts = np.array(
-            [local_costs(x, y, squared, np.array([d]))[path[:, 0], path[:, 1]].sum() for d in group]
-        )
-        share = parts / parts.sum() if parts.sum() > 0 else np.full(len(group), 1 / len(group))
-        costs[group] = total * share
-    return costs, used, tuple(paths)
-
-
-def _warp(x: np.ndarray, y: np.ndarray, spec: DtwSpec, group: np.ndarray) -> tuple[np.ndarray, float]:
-    """The cheapest path and its accumulated cost; a soft warping is shown by its hard path."""
     from gesture_core.dtw.bands import allowed_cells
     from gesture_core.dtw.paths import backtrack, least_costs
     from gesture_core.dtw.reference import accumulate, local_costs
 
-    cost, cells = local_costs(x, y, spec, group), allowed_cells(len(x), len(y), spec)
-    table = least_costs(cost, cells)
-    total = table[-1, -1] if spec.gamma is None else accumulate(cost, cells, spec.gamma)[-1, -1]
-    return backtrack(table), float(total)
+    used = np.asarray(query.mask) | np.asarray(example.mask)
+    used &= np.asarray(query.present) & np.asarray(example.present)
+    dimensions = np.flatnonzero(used)
+    spec, one_sum = settings.dtw, settings.dtw.mode != "dependent"
+    groups = [dimensions[i : i + 1] for i in range(len(dimensions))]
+    if takes_parts(settings):
+        spec, one_sum = spec.replace(reduce="sum"), True
+        groups = [np.array([i for i in part if used[i]], np.int64) for part in parts(query.channels).values()]
+    elif not one_sum:
+        groups = [dimensions]
+    shares = spec.replace(cost="squared") if spec.cost == "euclidean" else spec
+    x, y = query.values.astype(np.float64), example.values.astype(np.float64)
+    costs, places = np.zeros(len(used)), np.full(len(used), -1)
+    paths: list[np.ndarray] = []
+    for group in groups:
+        if len(group) == 0:
+            continue
+        cost, cells = local_costs(x, y, spec, group), allowed_cells(len(x), len(y), spec)
+        table = least_costs(cost, cells)
+        path = backtrack(table)
+        total = float(table[-1, -1] if spec.gamma is None else accumulate(cost, cells, spec.gamma)[-1, -1])
+        if spec.length_norm:
+            total /= len(x) + len(y)
+        if spec.root:
+            total = float(np.sqrt(total))
+        own = np.array(
+            [local_costs(x, y, shares, np.array([d]))[path[:, 0], path[:, 1]].sum() for d in group]
+        )
+        costs[group] = total * (own / own.sum() if own.sum() > 0 else np.full(len(group), 1 / len(group)))
+        places[group] = len(paths)
+        paths.append(path)
+    if one_sum and settings.dtw.reduce == "mean":
+        costs /= max(len(dimensions), 1)
+    return costs, used, tuple(paths), places
 
 
-def _finish(total: float, length: int, spec: DtwSpec) -> float:
-    if spec.length_norm:
-        total /= length
-    return float(np.sqrt(total)) if spec.root else total
-
-
-def contrast(explanation: Explanation) -> Sequence[int]:
-    """Channels in the order of how much they speak for the winner against the runner-up."""
-    near = explanation.nearest.costs
-    far = np.zeros_like(near) if explanation.runner_up is None else explanation.runner_up.costs
-    gain = far - near if explanation.runner_up is not None else near
+def contrast(explanation: Explanation) -> list[int]:
+    """Channels in the order of how much they favour the winner over the runner-up, or oppose it."""
+    gain = explanation.nearest.costs
+    if explanation.runner_up is not None:
+        gain = explanation.runner_up.costs - gain
     return [int(i) for i in np.argsort(-np.abs(gain), kind="stable")]

@@ -6,42 +6,25 @@ import json
 import os
 import platform
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
 from gesture_core.cli.flags import KernelFlags, Whole
-from gesture_core.cli.screen import print_table
-from gesture_core.cli.targets import check_file
+from gesture_core.cli.output import check_file, print_table, warnings_as_lines
 from gesture_core.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from gesture_core.dtw.spec import DtwSpec
+    from gesture_core.plugin.interfaces import DistanceKernel
+    from gesture_core.settings import Settings
     from gesture_core.types import Signals
 
-RUNS = 3
-PATIENCE = 2.0
-"""Seconds that one run of a kernel may take; slower kernels are timed on fewer queries."""
-
-
-@dataclass(frozen=True)
-class Timing:
-    """What a kernel took: the median run, and its largest relative difference from NumPy's distances."""
-
-    kernel: str
-    pairs: int
-    wall_seconds: float
-    cpu_seconds_per_pair: float
-    deviation: float
-
-    def cells(self) -> tuple[str, str, str, str]:
-        """As the table shows it."""
-        wall, each = self.wall_seconds * 1e3, self.cpu_seconds_per_pair * 1e6
-        return f"{self.pairs:,}", f"{wall:.1f}", f"{each:.2f}", f"{self.deviation:.1e}"
+_RUNS = 3
+_SECONDS_OF_A_RUN = 2.0
+"""What one run of a kernel may take; slower kernels are timed on fewer queries."""
 
 
 def bench(
@@ -63,6 +46,7 @@ def bench(
     """
     from gesture_core.dtw.distances import choose_kernel
     from gesture_core.plugin import registry
+    from gesture_core.plugin.interfaces import ApproximateKernel
 
     if out is not None:
         check_file(out)
@@ -82,19 +66,18 @@ def bench(
         mark = "auto" if name == auto else ""
         if not kernel.supports(spec):
             rows.append((name, mark, "does not compute these settings", "", "", ""))
-        elif not getattr(kernel, "exact", True):
+        elif isinstance(kernel, ApproximateKernel):
             rows.append((name, mark, "an approximation, not timed", "", "", ""))
         else:
-            timings.append(_measure(name, kernel, signals, spec))
-            rows.append((name, mark, *timings[-1].cells()))
-    columns = ("kernel", "", "pairs", "wall ms", "CPU µs / pair", "largest deviation")
+            pairs, wall, each, deviation = _measure(kernel, signals, spec)
+            record = {"kernel": name, "pairs": pairs, "wall_seconds": wall, "cpu_seconds_per_pair": each}
+            timings.append({**record, "deviation": deviation})
+            cells = f"{pairs:,}", f"{wall * 1e3:.1f}", f"{each * 1e6:.2f}", f"{deviation:.1e}"
+            rows.append((name, mark, *cells))
     frames = sum(len(item) for item in signals) / len(signals)
     width = signals[0].values.shape[1]
-    print(f"{len(signals)} series, {frames:.0f} frames on average, {width} channels")
-    print_table(columns, rows, right=columns[2:])
-    print(f"classify.kernel = auto takes {auto!r}")
-    if out is not None:
-        record = {
+    if out is not None:  # before anything is printed: a closed pipe must not cost it
+        table = {
             "machine": platform.processor() or platform.machine(),
             "cores": os.cpu_count(),
             "series": len(signals),
@@ -102,18 +85,27 @@ def bench(
             "channels": width,
             "dtw": {key: str(value) for key, value in asdict(spec).items()},
             "auto": auto,
-            "kernels": [asdict(timing) for timing in timings],
+            "kernels": timings,
         }
-        out.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+        out.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+    print(f"{len(signals)} series, {frames:.0f} frames on average, {width} channels")
+    columns = ("kernel", "", "pairs", "wall ms", "CPU µs / pair", "largest deviation")
+    print_table(columns, rows, right=columns[2:])
+    print(f"classify.kernel = auto takes {auto!r}")
     return 0
 
 
-def _measure(name: str, kernel: Any, signals: list[Signals], spec: DtwSpec) -> Timing:
+def _measure(
+    kernel: DistanceKernel, signals: list[Signals], spec: DtwSpec
+) -> tuple[int, float, float, float]:
+    """Pairs, seconds of the median run, CPU seconds of a pair, largest relative difference from NumPy.
+
+    Distances that are not finite do not count for the difference.
+    """
     import numpy as np
 
-    from gesture_core.dtw.distances import make_batches
-    from gesture_core.dtw.pairs import subset
-    from gesture_core.dtw.vectorised import NumpyKernel
+    from gesture_core.dtw.batches import make_batches, subset
+    from gesture_core.plugin import registry
 
     queries, examples = make_batches(signals, signals, spec)
     state = kernel.prepare(examples, spec)
@@ -122,33 +114,26 @@ def _measure(name: str, kernel: Any, signals: list[Signals], spec: DtwSpec) -> T
     start = time.perf_counter()
     found = kernel.distances(state, few)
     each = (time.perf_counter() - start) / len(few)
-    asked = subset(queries, np.arange(max(len(few), min(len(queries), int(PATIENCE / max(each, 1e-9))))))
+    fitting = min(len(queries), int(_SECONDS_OF_A_RUN / max(each, 1e-9)))
+    asked = subset(queries, np.arange(max(len(few), fitting)))
     kernel.distances(state, asked)
     walls, cpus = [], []
-    for _ in range(RUNS):
+    for _ in range(_RUNS):
         begun = time.perf_counter(), time.process_time()
         kernel.distances(state, asked)
         walls.append(time.perf_counter() - begun[0])
         cpus.append(time.process_time() - begun[1])
-    pairs = len(asked) * len(examples)
-    plain = NumpyKernel()
-    deviation = _deviation(found, plain.distances(plain.prepare(examples, spec), few))
-    return Timing(name, pairs, float(np.median(walls)), float(np.median(cpus)) / pairs, deviation)
-
-
-def _deviation(found: np.ndarray, wanted: np.ndarray) -> float:
-    """Largest relative difference of finite distances."""
-    import numpy as np
-
+    plain: DistanceKernel = registry().make("kernel", "numpy")
+    wanted = plain.distances(plain.prepare(examples, spec), few)
     finite = np.isfinite(wanted)
-    if not finite.any():
-        return 0.0
     scale = np.maximum(np.abs(wanted[finite]), 1e-6)
-    return float((np.abs(found[finite].astype(float) - wanted[finite]) / scale).max())
+    deviation = (np.abs(found[finite].astype(float) - wanted[finite]) / scale).max(initial=0.0)
+    pairs = len(asked) * len(examples)
+    return pairs, float(np.median(walls)), float(np.median(cpus)) / pairs, float(deviation)
 
 
 def _drawn(count: int) -> list[Signals]:
-    """Random walks of the shape that gestures have, a third of the channels salient."""
+    """Random walks of the shape that gestures have, a fifth of the channels salient."""
     import numpy as np
 
     from gesture_core.types import Signals
@@ -160,10 +145,13 @@ def _drawn(count: int) -> list[Signals]:
     return [Signals(walk, np.arange(len(walk)) / 30, names, rng.random(36) < 0.2) for walk in walks]
 
 
-def _own(sources: tuple[str, ...], settings: Any) -> list[Signals]:
+def _own(sources: tuple[str, ...], settings: Settings) -> list[Signals]:
     """The signals of the user's own data."""
+    from gesture_core.cli.progress import progress
     from gesture_core.run.archive import load_poses
     from gesture_core.signals.chain import Chain
 
     chain = Chain.from_settings(settings)
-    return [chain(pose) for pose in load_poses(list(sources), settings)]
+    with progress(sources), warnings_as_lines():
+        poses = load_poses(list(sources), settings)
+    return [chain(pose) for pose in poses]

@@ -1,25 +1,24 @@
-"""``gesture classify``: the main job."""
+"""``gesture classify``, the main job, and ``gesture extract``, its first half."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
+from gesture_core.cli.flags import SEVERAL, Flags, PoseFlags, RunFlags, Sources
+from gesture_core.cli.output import counted, named, print_rows, say, say_assumed, say_event
+from gesture_core.errors import ConfigError
 
-from gesture_core.cli.flags import Flags, PoseFlags, RunFlags
-from gesture_core.cli.progress import progress, say_event
-from gesture_core.cli.screen import counted, print_rows, say_assumed, visible
-from gesture_core.run.pipeline import RunSummary
-from gesture_core.run.plan import RunRequest
+if TYPE_CHECKING:
+    from gesture_core.run.pipeline import RunSummary
 
 _CLASSES_SHOWN = 30
 
 
 def classify(
-    *sources: Annotated[str, Parameter(required=True)],
-    examples: Annotated[tuple[str, ...], Parameter(consume_multiple=False)],
+    *sources: Sources,
+    examples: Annotated[tuple[str, ...], SEVERAL],
     out: Path,
     labels: str = "folder",
     flags: Flags | None = None,
@@ -32,16 +31,32 @@ def classify(
     sources
         Videos, keypoint files (OpenPose JSON, npz, npy, csv, parquet), folders, globs or manifests.
     examples
-        Examples as <label>/<clip>; --examples again for each further folder.
+        Folders with examples as <label>/<clip>: everything up to the next option, so that sources stand
+        before --examples, or last after --.
     out
         The run folder: run.db holds the result. The same command again goes on where it stopped.
     labels
         folder, a CSV file with path and label, or an expression for file names: '^(?P<label>[a-z]+)_'.
     """
-    return execute(sources, out, flags, run, examples, labels)
+    if not examples:
+        raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
+    return _execute(sources, out, flags, run, examples, labels)
 
 
-def execute(
+def extract(*sources: Sources, out: Path, flags: PoseFlags | None = None, run: RunFlags | None = None) -> int:
+    """Find keypoints only, and write them to <out>/keypoints/ as Parquet files.
+
+    Parameters
+    ----------
+    sources
+        As in gesture classify.
+    out
+        The run folder; its keypoints folder can be a source or the examples of gesture classify.
+    """
+    return _execute(sources, out, flags, run)
+
+
+def _execute(
     sources: tuple[str, ...],
     out: Path,
     flags: PoseFlags | None,
@@ -51,6 +66,7 @@ def execute(
 ) -> int:
     """Run what a command asks for, show it, and return the exit code; without examples, only extract."""
     from gesture_core.run.pipeline import run_archive
+    from gesture_core.run.plan import RunRequest
 
     run = run or RunFlags()
     request = RunRequest(
@@ -64,11 +80,14 @@ def execute(
         run.retry_errors,
         run.overwrite,
     )
-    with progress(quiet=run.quiet) as listener:
+    if run.quiet:
+        return run_archive(request).exit_code
+    from gesture_core.cli.progress import progress
+
+    with progress(sources, examples) as listener:
         summary = run_archive(request, listener)
-    if not run.quiet:
-        print_rows(summary.rows(), classified=bool(examples))
-        say_summary(summary)
+    print_rows(summary.rows(), classified=bool(examples))
+    say_summary(summary)
     return summary.exit_code
 
 
@@ -99,48 +118,35 @@ def say_summary(summary: RunSummary) -> None:
 
 def _say_to_people(summary: RunSummary) -> None:
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.counts.items()))
-    database = visible(str(summary.out / "run.db"))
+    where = str(summary.out / "run.db")
     if (summary.out / "keypoints").is_dir():
-        database += f" and {visible(str(summary.out / 'keypoints'))}"
+        where += f" and {summary.out / 'keypoints'}"
     if summary.done_now:
         speed = f", {summary.frames / summary.elapsed:.0f} frames/s" if summary.frames else ""
         kernel = f", kernel {summary.kernel}" if summary.kernel else ""
         took = f"{counted(summary.done_now, 'input')} in {summary.elapsed:.1f} s{speed}{kernel}"
-        total = counted(sum(summary.counts.values()), "row")
-        print(f"{total}: {counts}; {took}; {database}", file=sys.stderr)
+        say(f"{counted(sum(summary.counts.values()), 'row')}: {counts}; {took}; {where}")
     else:
         again = "; --retry-errors tries errors again" if summary.counts.get("error") else ""
-        print(f"nothing to do: all rows ({counts}) are in {database}{again}", file=sys.stderr)
+        say(f"nothing to do: all rows ({counts}) are in {where}{again}")
     if summary.gone:
-        print(
-            f"no longer there, and without a row from now on: {counted(summary.gone, 'input')}",
-            file=sys.stderr,
-        )
+        say(f"no longer there, and without a row from now on: {counted(summary.gone, 'input')}")
     say_assumed(summary.assumed)
     if summary.done_now and summary.failed_examples:
-        left_out = counted(len(summary.failed_examples), "example")
-        print(f"{left_out} left out, as said above", file=sys.stderr)
+        say(f"{counted(len(summary.failed_examples), 'example')} left out, as said above")
     else:
         for row in summary.failed_examples:
-            print(f"example left out: {row.code} {visible(row.message)}", file=sys.stderr)
-    _say_classes(summary)
-
-
-def _say_classes(summary: RunSummary) -> None:
-    """The labels that could be given: a misspelled one is a class of its own, and nothing else tells."""
-    counts = [f"{visible(label)} {number}" for label, number in summary.classes.items()]
-    if counts:
-        more = f", and {len(counts) - _CLASSES_SHOWN} more" if counts[_CLASSES_SHOWN:] else ""
-        print(f"examples: {', '.join(counts[:_CLASSES_SHOWN])}{more}", file=sys.stderr)
-    if len(counts) == 1:
-        print("all examples have one label: every input that is near enough gets it", file=sys.stderr)
+            say(f"example left out: {row.code} {row.message}")
+    # The labels that could be given: a misspelled one is a class of its own, and nothing else tells.
+    if summary.classes:
+        classes = [f"{label} {number}" for label, number in summary.classes.items()]
+        say(f"examples: {named(classes, _CLASSES_SHOWN)}")
+    if len(summary.classes) == 1:
+        say("all examples have one label: every input that is near enough gets it")
     if summary.inputs_among_examples == 1:
-        print("1 input is among the examples itself: its label is no result", file=sys.stderr)
+        say("1 input is among the examples itself: its label is no result")
     elif summary.inputs_among_examples:
         number = summary.inputs_among_examples
-        print(
-            f"{number} inputs are among the examples themselves: their labels are no result", file=sys.stderr
-        )
+        say(f"{number} inputs are among the examples themselves: their labels are no result")
     if summary.lost_classes:
-        lost = visible(", ".join(summary.lost_classes))
-        print(f"no example of {lost} can be used: no input gets such a label", file=sys.stderr)
+        say(f"no example of {', '.join(summary.lost_classes)} can be used: no input gets such a label")

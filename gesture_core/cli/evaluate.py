@@ -2,40 +2,39 @@
 
 from __future__ import annotations
 
-import re
-import sys
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from gesture_core.cli import scores
-from gesture_core.cli.flags import Flags, Workers, check_part
-from gesture_core.cli.screen import counted, say_assumed, visible
-from gesture_core.cli.targets import check_folder
-from gesture_core.errors import ConfigError, GestureError, InputError, MissingDependencyError
-
-_NAMED = 5
-"""Files or labels that a line names; of the others it says that there are some."""
+from gesture_core.cli.flags import REPEATED, UNSAID, Flags, Sources, Workers
+from gesture_core.cli.output import check_folder, counted, print_table, say, say_assumed, warnings_as_lines
+from gesture_core.errors import ConfigError, MissingDependencyError
 
 if TYPE_CHECKING:
-    from gesture_core.classify.evaluation import Labelled
-    from gesture_core.run.inputs import Input
-    from gesture_core.settings import Settings
+    from gesture_core.classify.evaluation import Evaluation
+    from gesture_core.run.evaluate import EvaluationResult
+
+_SHOWN = 5
+_FOLDS_SHOWN = 40
 
 
 def evaluate(
-    *sources: Annotated[str, Parameter(required=True)],
+    *sources: Sources,
     out: Path | None = None,
     flags: Flags | None = None,
     labels: str = "folder",
-    subjects: Annotated[str, Parameter(show_default=False)] = "",
+    subjects: Annotated[str, UNSAID] = "",
     protocol: str = "leave-one-subject-out",
-    train: Annotated[str, Parameter(show_default=False)] = "",
-    grid: Annotated[tuple[str, ...], Parameter(consume_multiple=False, show_default=False)] = (),
+    train: Annotated[str, UNSAID] = "",
+    grid: Annotated[
+        tuple[str, ...],
+        REPEATED,
+        Parameter(
+            help="A setting with the values to try, such as mirror=1.1,1.32; --grid again for a further one."
+        ),
+    ] = (),
     workers: Workers = 0,
 ) -> int:
     """Measure the accuracy of a preset on a labelled archive.
@@ -54,236 +53,137 @@ def evaluate(
         leave-one-subject-out, leave-one-out, donor (one subject gives one example a class), or split.
     train
         With --protocol split: a regular expression that finds the examples by their names.
-    grid
-        A setting with the values to try, such as mirror=1.1,1.32; may be repeated.
     """
-    from gesture_core.classify.comparison import check_settings
-    from gesture_core.classify.evaluation import answer, choose_nested, compare_all
+    from gesture_core.cli.progress import progress
+    from gesture_core.run.evaluate import evaluate_archive
 
-    _require("sklearn", *(["matplotlib"] if out is not None else []))
     if out is not None:
         check_folder(out)
-    settings = (flags or Flags()).settings()
-    points = _grid(grid)
-    candidates = [settings.with_values(point.items(), "--grid") for point in points]
-    for point, candidate in zip(points, candidates, strict=True):
-        check_settings(candidate)
-        for key in point:
-            check_part(key, candidate, "--grid")
-    items = _labelled(sources, labels, out)
-    who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
-    examples = _examples(items, train, protocol)
-    _check_protocol(protocol, items, who, examples, max(c.classify.neighbors for c in candidates))
-    data, identity = _load(items, who, examples, settings, workers)
-    compared = [compare_all(data, candidate) for candidate in candidates]
-    found = [answer(c, protocol, point) for c, point in zip(compared, points, strict=True)]
-    if len(found) > 1:
-        scores.print_grid(found)
-        if protocol == "leave-one-subject-out" and all(len(c.subjects) > 2 for c in compared):
-            nested, choices = choose_nested(compared)
-            chosen = scores.choices_of(choices, points)
-            scores.say_accuracy(nested, f"chosen inside the training subjects of each fold ({chosen})")
-    number = max(range(len(found)), key=lambda index: found[index].accuracy)  # the first of equals
-    best = found[number]
-    scores.say_accuracy(best, f"preset {settings.preset}{scores.changes_of(best.changes)}")
-    scores.print_classes(best)
-    scores.say_unusable(compared[number])
-    scores.say_copies(compared[number])
-    if out is not None:
-        from gesture_core.report.evaluation import write_evaluation
-
-        mark = _fingerprint(best.settings, identity, data)
-        for path in write_evaluation(best, mark, out).values():
-            print(path, file=sys.stderr)
-        print(f"fingerprint {mark}", file=sys.stderr)
-    return 3 if any(isinstance(pose, GestureError) for pose in data.poses) else 0
-
-
-def _require(*modules: str) -> None:
-    """Say what is not installed now, and not after hours of extraction."""
-    missing = [name for name in modules if find_spec(name) is None]
-    if missing:
-        raise MissingDependencyError(
-            f"gesture evaluate needs {' and '.join(missing)}", remedy="pip install 'gesture-core[evaluate]'"
+    settings, values = (flags or Flags()).settings(), _grid(grid)
+    with progress(sources) as listener, warnings_as_lines():
+        result = evaluate_archive(
+            sources,
+            settings,
+            protocol=protocol,
+            labels=labels,
+            subjects=subjects,
+            train=train,
+            grid=values,
+            workers=workers,
+            avoid=out,
+            listener=listener,
         )
+    if out is not None:  # before anything is printed: a closed pipe must not cost it
+        _write(result, out)
+    if len(result.evaluations) > 1:
+        _print_grid(result.evaluations)
+    if result.nested is not None:
+        choices = [f"{who or '-'}: {_point(point)}" for who, point in result.choices.items()]
+        _print_accuracy(
+            result.nested, f"chosen inside the training subjects of each fold ({'; '.join(choices)})"
+        )
+    best = result.best
+    _print_accuracy(best, ", ".join([f"preset {settings.preset}", *filter(None, [_point(best.changes)])]))
+    _print_classes(best)
+    _print_thresholds(best)
+    _say_flaws(result)
+    return 3 if result.unreadable else 0
 
 
-def _grid(texts: Sequence[str]) -> list[dict[str, Any]]:
-    """Every combination of the values in ``key=value,value``; one empty one without a grid."""
+def _grid(texts: Sequence[str]) -> dict[str, list[str]]:
     values = {}
     for text in texts:
         key, equals, listed = text.partition("=")
         if not equals or not listed:
             raise ConfigError(f"--grid {text!r}", remedy="mirror=1.1,1.32", code="E_OPTION")
-        if key.strip().startswith("pose."):
-            raise ConfigError(
-                f"--grid {text!r}: keypoints are extracted once",
-                remedy="one gesture evaluate for each value, with --set",
-                code="E_OPTION",
-            )
         values[key.strip()] = [value.strip() for value in listed.split(",")]
-    if not values:
-        return [{}]
-    from sklearn.model_selection import ParameterGrid
-
-    return list(ParameterGrid(values))
+    return values
 
 
-def _labelled(sources: Sequence[str], labels: str, out: Path | None) -> list[Input]:
-    """The inputs with their labels; those that cannot be read are among them and count as wrong."""
-    from gesture_core.run.inputs import discover
-    from gesture_core.run.labels import label_inputs
-
-    every = discover(sources, avoid=out)
-    found = [item for item in every if item.kind != "other"]
-    if not found:
-        raise InputError(
-            "holds no video or keypoint file",
-            subject=", ".join(sources),
-            remedy="another path",
-            code="E_EMPTY",
-        )
-    if strangers := [item.name for item in every if item.kind == "other"]:
-        named = ", ".join(map(visible, strangers[:_NAMED])) + (", …" if strangers[_NAMED:] else "")
-        left = counted(len(strangers), "file")
-        print(f"left out as neither video nor keypoints: {left}, {named}", file=sys.stderr)
-    labelled = label_inputs(found, labels, sources)
-    for item in labelled:
-        if not item.label:
-            raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
-    if len({item.label for item in labelled}) == 1:
-        raise ConfigError(
-            f"every input is called {labelled[0].label!r}: there is nothing to tell apart",
-            remedy="inputs of several labels, or other --labels",
-            code="E_LABELS",
-        )
-    return labelled
+def _point(point: Mapping[str, Any]) -> str:
+    """A point of the grid as text."""
+    return ", ".join(f"{key}={value}" for key, value in point.items())
 
 
-def _examples(items: Sequence[Input], train: str, protocol: str) -> list[bool] | None:
-    """Which inputs are the examples of a split."""
-    from gesture_core.run.labels import search_name
+def _write(result: EvaluationResult, folder: Path) -> None:
+    from gesture_core.report.evaluation import draw_evaluation, write_evaluation
 
-    if not train:
-        return None
-    if protocol != "split":
-        raise ConfigError(
-            f"--train {train!r} is for a split only", remedy="--protocol split", code="E_OPTION"
-        )
+    for path in write_evaluation(result.best, result.fingerprint, folder):
+        say(str(path))
     try:
-        return [search_name(re.compile(train), item) is not None for item in items]
-    except re.error as error:
-        raise ConfigError(f"--train {train!r} is no regular expression: {error}", code="E_OPTION") from None
+        for path in draw_evaluation(result.best, folder):
+            say(str(path))
+    except MissingDependencyError as error:
+        say(f"no pictures: {error.message}")
+    say(f"fingerprint {result.fingerprint}")
 
 
-def _check_protocol(
-    protocol: str,
-    items: Sequence[Input],
-    who: Sequence[str],
-    examples: Sequence[bool] | None,
-    neighbors: int,
-) -> None:
-    """Raise what the protocol would raise, before hours of extraction instead of after them.
+def _print_accuracy(evaluation: Evaluation, what: str) -> None:
+    """One line: protocol, accuracy, its interval, and ``what`` was evaluated."""
+    low, high = evaluation.interval
+    right = sum(a.right for a in evaluation.answers)
+    print(
+        f"{evaluation.protocol}: {right} of {len(evaluation.answers)} right, "
+        f"{evaluation.accuracy:.1%} (95 %: {low:.1%} to {high:.1%}); {what}"
+    )
 
-    Says as well which tests must fail, since no other subject, or nothing else, has their label.
-    """
-    import numpy as np
 
-    from gesture_core.classify.protocols import folds
+def _print_grid(found: Sequence[Evaluation]) -> None:
+    """One line for each point of a grid."""
+    keys = list(found[0].changes)
+    rows = []
+    for evaluation in found:
+        low, high = evaluation.interval
+        values = [str(evaluation.changes[key]) for key in keys]
+        rows.append([*values, f"{evaluation.accuracy:.1%}", f"{low:.1%} to {high:.1%}"])
+    print_table([*keys, "accuracy", "95 %"], rows, right=["accuracy"])
 
-    names, codes = np.unique([str(item.label) for item in items], return_inverse=True)
-    alike = np.broadcast_to(0.0, (len(items), len(items)))
-    tests, least, hopeless = 0, len(items), Counter[str]()
-    for fold in folds(protocol, codes, who, alike, examples):
-        tests += len(fold.test)
-        least = min(least, len(fold.train))
-        hopeless.update(names[codes[fold.test][~np.isin(codes[fold.test], codes[fold.train])]].tolist())
-    if neighbors > least:
-        raise ConfigError(
-            f"{neighbors} neighbours were asked for, and a fold has {counted(least, 'example')}",
-            remedy=f"--neighbors up to {least}, or 0 for all examples",
-            code="E_NEIGHBORS",
-        )
-    if hopeless:
-        labels = [visible(label) for label in sorted(hopeless)]
-        more = ", …" if labels[_NAMED:] else ""
+
+def _print_classes(evaluation: Evaluation) -> None:
+    """Recall and confusions of each class, and the accuracy of each fold."""
+    columns, counts = evaluation.confusion()
+    rows = []
+    for (label, recall), row in zip(evaluation.recall.items(), counts.tolist(), strict=True):
+        wrong = sorted(zip(columns, row, strict=True), key=lambda pair: -pair[1])
+        taken = ", ".join(f"{name} {count}" for name, count in wrong if count and name != label)
+        rows.append([label, str(sum(row)), f"{recall:.1%}", taken])
+    print_table(["class", "tested", "recall", "taken for"], rows, right=["tested", "recall"])
+    folds = evaluation.by_fold
+    if 1 < len(folds) <= min(_FOLDS_SHOWN, len(evaluation.answers) - 1):  # a fold of one answer says nothing
+        print_table(["fold", "accuracy"], [[n, f"{a:.1%}"] for n, a in folds.items()], right=["accuracy"])
+
+
+def _print_thresholds(evaluation: Evaluation) -> None:
+    """What stricter thresholds would cost, and bring."""
+    from gesture_core.report.evaluation import thinned
+
+    curves = {"reject above": evaluation.rejection_curve(), "margin from": evaluation.margin_curve()}
+    if any(curves.values()):  # otherwise nothing has a label
         print(
-            f"{hopeless.total()} of {counted(tests, 'test')} cannot be right: "
-            f"no example of {', '.join(labels[:_NAMED])}{more} is left to compare with",
-            file=sys.stderr,
+            "a stricter threshold labels fewer inputs (coverage), and more of these rightly (accuracy): "
+            "--reject VALUE, or --set classify.margin=VALUE"
         )
+    for title, curve in curves.items():
+        if curve:
+            columns = [title, "coverage", "accuracy"]
+            cells = [[f"{t:.4g}", f"{c:.1%}", f"{a:.1%}"] for t, c, a in thinned(curve, 8)]
+            print_table(columns, cells, right=columns)
 
 
-def _load(
-    items: Sequence[Input],
-    who: Sequence[str],
-    examples: Sequence[bool] | None,
-    settings: Settings,
-    workers: int,
-) -> tuple[Labelled, dict[str, Any]]:
-    """Keypoints of all inputs with their labels, and what the keypoints were made with."""
-    from gesture_core.classify.evaluation import Labelled
-    from gesture_core.cli.keypoints import people_of
-    from gesture_core.run.fingerprint import pose_identity
-    from gesture_core.types import PoseSequence
-
-    videos = any(item.kind == "video" for item in items)
-    identity = pose_identity(settings, videos)
-    poses: list[PoseSequence | GestureError] = [
-        InputError(item.fault, subject=item.name, code=item.code or None) for item in items
-    ]
-    hashes = [""] * len(items)
-    chosen = [item for item in items if item.kind != "broken"]
-    assumed: Counter[str] = Counter()
-    places = {item.key: number for number, item in enumerate(items)}
-    for item, outcome, people in people_of(chosen, settings, identity=identity, workers=workers):
-        number, name = places[item.key], item.name
-        hashes[number] = outcome.sha256
-        assumed.update([outcome.assumed] if outcome.assumed else [])
-        if outcome.code:
-            poses[number] = GestureError(outcome.message, subject=name, code=outcome.code)
-        elif people:
-            poses[number] = people[0]
-        else:
-            poses[number] = GestureError("nobody was found", subject=name, code="E_NO_PERSON")
-    say_assumed(assumed)
-    names = [item.name for item in items]
-    identity["inputs"] = dict(zip(names, hashes, strict=True))
-    return Labelled(poses, [str(item.label) for item in items], who, names, examples), identity
-
-
-def _subject(item: Input, pattern: str, *, explicit: bool) -> str:
-    """Who performs ``item``; empty where nobody said how to tell."""
-    from gesture_core.run.labels import halves_a_word, search_name
-
-    if not explicit and "(?P<subject>" not in pattern:
-        return ""
-    try:
-        match = search_name(re.compile(pattern), item)
-    except re.error as error:
-        raise ConfigError(f"--subjects {pattern!r} is no regular expression: {error}") from None
-    who = match and match.re.groups and (match.groupdict().get("subject") or match.group(1))
-    if not match or not who:
-        raise ConfigError(
-            f"no subject for {item.name} by {pattern!r}",
-            remedy="--subjects with a group, such as '_s(?P<subject>[0-9]+)_' "
-            "(one with a / is searched in the whole path)",
-            code="E_SUBJECTS",
-        )
-    if halves_a_word(match, "subject"):
-        raise ConfigError(
-            f"--subjects {pattern!r} finds {who!r} inside a word of {item.name}",
-            remedy="an expression for letters with accents too, such as '_(?P<subject>.+?)_'",
-            code="E_SUBJECTS",
-        )
-    return str(who)
-
-
-def _fingerprint(settings: Settings, identity: Mapping[str, Any], data: Labelled) -> str:
-    from gesture_core.dtw.distances import choose_kernel
-    from gesture_core.run.fingerprint import fingerprint, run_configuration
-
-    kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)[0]
-    tree = run_configuration(settings, identity, [], kernel)
-    labels = {n: [label, s] for n, label, s in zip(data.names, data.labels, data.subjects, strict=True)}
-    return fingerprint({**tree, "labels": labels})
+def _say_flaws(result: EvaluationResult) -> None:
+    """What was assumed, which inputs could not be compared, and which are copies of others."""
+    say_assumed(result.assumed)
+    data, unusable = result.compared.data, result.unusable
+    if unusable:
+        say(f"{len(unusable)} of {counted(len(data.names), 'input')} count as not recognised:")
+    for name, error in list(unusable.items())[:_SHOWN]:
+        say(f"  {error.code} {error.about(name).message}")
+    if len(unusable) > _SHOWN:
+        say(f"  … and {len(unusable) - _SHOWN} more: answers.csv of --out has all")
+    number, contradictions = result.copies()
+    if number:
+        say(f"{counted(number, 'input')} move exactly as others do: they find their copies")
+    for i, j in contradictions[:_SHOWN]:
+        say(f"  {data.names[i]} is called {data.labels[i]}, and its copy {data.names[j]} {data.labels[j]}")
+    if len(contradictions) > _SHOWN:
+        say(f"  … and {len(contradictions) - _SHOWN} more pairs of two labels")

@@ -10,10 +10,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gesture_core.cli.targets import check_file
+from gesture_core.cli.flags import UNSAID
+from gesture_core.cli.output import check_file
 from gesture_core.errors import ConfigError
 from gesture_core.plugin import registry
-from gesture_core.run.export import export_rows
 from gesture_core.settings import load_settings
 
 
@@ -22,7 +22,7 @@ def export(
     /,
     *,
     format: str | None = None,
-    to: Annotated[str, Parameter(name=["--to", "-o"], allow_leading_hyphen=True, show_default=False)] = "",
+    to: Annotated[str, UNSAID, Parameter(name=["--to", "-o"], allow_leading_hyphen=True)] = "",
 ) -> None:
     """Write the rows of a run as CSV, Parquet or JSON lines.
 
@@ -35,12 +35,22 @@ def export(
     to
         The file, or - for standard output; <run>/results.<format> by default.
     """
+    from gesture_core.run.export import export_rows
+
     limits = load_settings().limits
     if to != "-":
         target = Path(to) if to else None
         if target is not None:
             check_file(target, flag="--to")
-        print(export_rows(run, format or _format_of(target), target, limits))
+        ending = target.suffix.lower().removeprefix(".") if target else ""
+        names = registry().names("writer")
+        if ending and not format and ending not in names:
+            raise ConfigError(
+                f"--to {target}: no result writer is called {ending!r}",
+                remedy=f"--format with one of {', '.join(names)}",
+                code="E_OPTION",
+            )
+        print(export_rows(run, format or ending or "csv", target, limits))
         return
     with tempfile.TemporaryDirectory() as folder:
         written = export_rows(run, format or "csv", Path(folder) / "rows", limits)
@@ -49,16 +59,3 @@ def export(
                 raise ConfigError(f"{format} is not text", remedy="--to FILE, or a pipe", code="E_OPTION")
             file.seek(0)
             shutil.copyfileobj(file, sys.stdout.buffer)
-
-
-def _format_of(path: Path | None) -> str:
-    """The result writer whose name a file ends in; CSV where it ends in nothing."""
-    ending = path.suffix.lower().removeprefix(".") if path else ""
-    names = registry().names("writer")
-    if ending and ending not in names:
-        raise ConfigError(
-            f"--to {path}: no result writer is called {ending!r}",
-            remedy=f"--format with one of {', '.join(names)}",
-            code="E_OPTION",
-        )
-    return ending or "csv"

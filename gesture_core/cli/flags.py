@@ -6,14 +6,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from cyclopts import Parameter, validators
+from cyclopts import Parameter, Token, validators
 
 from gesture_core.errors import ConfigError
-from gesture_core.plugin import registry
 from gesture_core.settings import Settings, load_settings, presets
+from gesture_core.settings.load import check_option
+
+_BY_PRESET = "[default: the preset's]"
+_SETTINGS = {
+    "pose": "pose__backend",
+    "model": "pose__model",
+    "kernel": "classify__kernel",
+    "neighbors": "classify__neighbors",
+}
+"""The settings that flags stand for, by the flag's name."""
 
 
-def _whole(_kind: Any, tokens: Sequence[Any]) -> int:
+def _whole(_kind: Any, tokens: Sequence[Token]) -> int:
     """A whole number and nothing else: 0.5 workers are not 0, which means one for each core."""
     try:
         return int(tokens[0].value)
@@ -22,11 +31,16 @@ def _whole(_kind: Any, tokens: Sequence[Any]) -> int:
 
 
 Whole = Annotated[int, Parameter(converter=_whole)]
-
-
-def _of_preset(text: str) -> Parameter:
-    """A flag for one setting, whose default is that of the preset."""
-    return Parameter(help=f"{text} [default: the preset's]")
+Workers = Annotated[
+    Whole, Parameter(help="Worker processes; 0 for one for each core.", validator=validators.Number(gte=0))
+]
+Sources = Annotated[str, Parameter(required=True)]
+SEVERAL = Parameter(consume_multiple=True)
+"""For an option that takes everything up to the next one, as a shell's pattern gives it."""
+REPEATED = Parameter(consume_multiple=False, show_default=False)
+"""For an option that takes one value, and may be given again."""
+UNSAID = Parameter(show_default=False)
+"""For an option whose default is nothing: an empty text, no values, off."""
 
 
 @Parameter(name="*")
@@ -40,26 +54,31 @@ class PoseFlags:
     ] = None
     set: Annotated[
         tuple[str, ...],
+        REPEATED,
         Parameter(
-            consume_multiple=False,
-            show_default=False,
             help="Any setting or option of a plugin, as key=value, such as classify.margin=0.1; "
-            "may be repeated.",
+            "--set again for each further one. 'gesture settings' lists them."
         ),
     ] = ()
-    pose: Annotated[str | None, _of_preset("Pose backend: a name of 'gesture plugins'.")] = None
-    model: Annotated[str | None, _of_preset("Pose network: a name of 'gesture models', or a file.")] = None
+    pose: Annotated[
+        str | None, Parameter(help=f"Pose backend: a name of 'gesture plugins'. {_BY_PRESET}")
+    ] = None
+    model: Annotated[
+        str | None, Parameter(help=f"Pose network: a name of 'gesture models', or a file. {_BY_PRESET}")
+    ] = None
 
     def settings(self) -> Settings:
         """The settings that the flags ask for; an option of a plugin that takes no part is an error."""
-        settings = load_settings(self.preset, self.set, **self._changes())
-        for key in (text.partition("=")[0].strip() for text in self.set):
-            check_part(key, settings)
+        changes: dict[str, Any] = {}
+        for flag, value in vars(self).items():
+            if flag == "reject" and value is not None:
+                changes |= _rejection(value)
+            elif flag in _SETTINGS:
+                changes[_SETTINGS[flag]] = value
+        settings = load_settings(self.preset, self.set, **changes)
+        for text in self.set:
+            check_option(text.partition("=")[0].strip(), settings, "--set")
         return settings
-
-    def _changes(self) -> dict[str, Any]:
-        """What the flags that stand for one setting say; None where one was not given."""
-        return {"pose__backend": self.pose, "pose__model": self.model}
 
 
 @Parameter(name="*")
@@ -68,11 +87,11 @@ class KernelFlags(PoseFlags):
     """Those of commands that compute distances as well."""
 
     kernel: Annotated[
-        str | None, _of_preset("Distance kernel: a name of 'gesture plugins', or auto for the fastest one.")
+        str | None,
+        Parameter(
+            help=f"Distance kernel: a name of 'gesture plugins', or auto for the fastest one. {_BY_PRESET}"
+        ),
     ] = None
-
-    def _changes(self) -> dict[str, Any]:
-        return {**super()._changes(), "classify__kernel": self.kernel}
 
 
 @Parameter(name="*")
@@ -81,42 +100,16 @@ class Flags(KernelFlags):
     """Those of commands that give labels as well."""
 
     neighbors: Annotated[
-        Whole | None, _of_preset("How many of the nearest examples vote; 0: all examples decide, weighed.")
+        Whole | None,
+        Parameter(help=f"How many of the nearest examples vote; 0: all examples decide. {_BY_PRESET}"),
     ] = None
     reject: Annotated[
         str | None,
-        _of_preset("Give no label beyond this distance, or beyond mean + K sd of its class: '3sd'."),
+        Parameter(
+            help="Give no label beyond this distance, or beyond mean + K standard deviations of its class: "
+            f"'3sd'. {_BY_PRESET}"
+        ),
     ] = None
-
-    def _changes(self) -> dict[str, Any]:
-        return {
-            **super()._changes(),
-            "classify__neighbors": self.neighbors,
-            **_rejection(self.reject),
-        }
-
-
-UNSAID = Parameter(show_default=False)
-"""For flags whose default is nothing: an empty text, no values, off."""
-
-
-_REMEDIES = {
-    "pose": "--pose {}",
-    "normalizer": "--set signals.normalizer={}",
-    "filter": "--set signals.filters=…,{}",
-    "selector": "--set signals.selector={}",
-}
-"""How to choose a plugin, by its kind; of the other kinds several take part, or the fastest one."""
-
-
-def _switch(text: str) -> Parameter:
-    """A flag without a value, that is off by default."""
-    return Parameter(help=text, show_default=False)
-
-
-Workers = Annotated[
-    Whole, Parameter(help="Worker processes; 0 for one for each core.", validator=validators.Number(gte=0))
-]
 
 
 @Parameter(name="*")
@@ -128,28 +121,16 @@ class RunFlags:
     engine: Annotated[str, Parameter(help="Execution engine: processes, or inline for debugging.")] = (
         "processes"
     )
-    retry_errors: Annotated[bool, _switch("Try inputs again that ended in an error.")] = False
+    retry_errors: Annotated[bool, UNSAID, Parameter(help="Try inputs again that ended in an error.")] = False
     overwrite: Annotated[
-        bool, _switch("Begin again with other settings in the same folder; keypoints are reused.")
+        bool,
+        UNSAID,
+        Parameter(help="Begin again with other settings in the same folder; keypoints are reused."),
     ] = False
-    quiet: Annotated[bool, _switch("No progress and no table.")] = False
+    quiet: Annotated[bool, UNSAID, Parameter(help="No progress and no table.")] = False
 
 
-def check_part(key: str, settings: Settings, origin: str = "--set") -> None:
-    """Raise where ``key`` is an option of a plugin that the settings do not choose."""
-    name = key.rpartition(".")[0].removeprefix("options.")
-    kinds = {kind for kind, plugin in registry().entries if plugin == name.partition(":")[0]}
-    if kinds and name not in settings.steps and kinds <= _REMEDIES.keys():
-        raise ConfigError(
-            f"{origin} {key}: {name!r} takes no part under preset {settings.preset}",
-            remedy=" or ".join(_REMEDIES[kind].format(name) for kind in sorted(kinds)),
-            code="E_OPTION",
-        )
-
-
-def _rejection(value: str | None) -> dict[str, Any]:
-    if value is None:
-        return {}
+def _rejection(value: str) -> dict[str, float]:
     number, key = (value[:-2], "classify__reject_sd") if value.endswith("sd") else (value, "classify__reject")
     try:
         return {key: float(number)}

@@ -7,33 +7,29 @@ import re
 import shlex
 import signal
 import sys
+import traceback
 from collections.abc import Sequence
 from types import FrameType
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 
 from gesture_core import __version__
-from gesture_core.errors import ConfigError, GestureError, InputError, ModelError, PluginError
+from gesture_core.errors import Code, ConfigError, GestureError
+from gesture_core.files import printable
 
-EXIT_FATAL, EXIT_USAGE, EXIT_LOCKED, EXIT_PIPE = 1, 2, 11, 141
-_USAGE = frozenset(
-    "E_NOT_FOUND E_EMPTY E_EXISTS E_OPTION E_PLUGIN_UNKNOWN E_MANIFEST E_CONTRADICTION "
-    "E_MODEL_UNKNOWN E_MODEL_EXISTS E_MODEL_NAME".split()
-)
-"""Codes of errors that another command line would not have met."""
+EXIT_PIPE = 141
+"""Of a command whose output was closed: 128 and the number of SIGPIPE."""
 
 app = App(
     name="gesture",
     help="A folder of videos and a folder of example gestures in, a table of labels out.",
     help_epilogue="Exit codes: 0 all done, 1 fatal, 2 usage, 3 finished with errors, degraded rows "
-    "or lost examples, 11 another run holds the folder, 130 and 143 interrupted.",
+    "or lost examples, 11 another run holds the folder, 130 and 143 interrupted. "
+    "--traceback with any command, or GESTURE_TRACEBACK=1, shows where an error was raised.",
     version=__version__,
     help_format="plaintext",
     default_parameter=Parameter(negative=()),
-    suppress_keyboard_interrupt=False,
 )
-
-_TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
 
 _COMMANDS = {
     "classify": "Label every input by the example gestures that it resembles.",
@@ -42,14 +38,19 @@ _COMMANDS = {
     "explain": "Show why an input of a run got its label.",
     "export": "Write the rows of a run as CSV, Parquet or JSON lines.",
     "render": "Draw the keypoints that the network sees over a video.",
+    "settings": "List every setting, its type, meaning, default and value.",
     "plugins": "List every plugin, its kind, origin and status.",
     "models": "List, add and verify pose networks.",
     "bench": "Time every installed distance kernel on this machine.",
     "demo": "Run the main job on an archive that the package draws itself.",
 }
+_PLACES = {"extract": "classify:extract", "models": "models:app", "plugins": "plugins:app"}
 for _name, _help in _COMMANDS.items():
-    _target = "app" if _name in ("models", "plugins") else _name
-    app.command(f"gesture_core.cli.{_name}:{_target}", name=_name, help=_help)
+    app.command(f"gesture_core.cli.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name, help=_help)
+
+_TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
+_REPEATED = ("--set", "--grid", "--contract")
+"""Options that take one key=value, and may be given again."""
 
 
 class _Terminated(BaseException):
@@ -66,35 +67,84 @@ def run(arguments: Sequence[str]) -> int:
     signal.signal(signal.SIGTERM, _on_sigterm)
     for stream in (sys.stdout, sys.stderr):  # any bytes may stand in a file name
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    arguments, traced = list(arguments), os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
+    end = arguments.index("--") if "--" in arguments else len(arguments)
+    if "--traceback" in arguments[:end]:
+        arguments.remove("--traceback")
+        traced = True
     try:
-        result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
+        if "sources" in bound.arguments:
+            _check_sources(arguments, bound.arguments["sources"])
+        result = command(*bound.args, **bound.kwargs)
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
-    except CycloptsError as error:
-        return _fail(_usage(error, arguments), EXIT_USAGE)
-    except GestureError as error:
-        return _fail(str(error), _exit_code(error))
     except BrokenPipeError:
-        return _nobody_reads()
+        return _closed_pipe()
     except SystemExit as stop:
         if isinstance(stop.__context__, BrokenPipeError):  # the way in which Rich passes it on
-            return _nobody_reads()
+            return _closed_pipe()
         raise
+    except CycloptsError as error:
+        return _fail(_usage(error, arguments), Code.USAGE.exit_code, traced)
+    except GestureError as error:
+        return _fail(str(error), exit_code(error), traced)
     except OSError as error:
-        return _fail(_trouble(error), EXIT_FATAL)
+        return _fail(_refused(error), Code.OS.exit_code, traced)
     except KeyboardInterrupt:
-        return _interrupted(arguments, 128 + signal.SIGINT)
+        return _fail(_interrupted(arguments), 128 + signal.SIGINT, traced)
     except _Terminated:
-        return _interrupted(arguments, 128 + signal.SIGTERM)
+        return _fail(_interrupted(arguments), 128 + signal.SIGTERM, traced)
+
+
+def exit_code(error: GestureError) -> int:
+    """That of its code; for a code of a third party, that of its class."""
+    code = Code.of(error.code) or Code.of(type(error).code) or Code.GESTURE
+    return code.exit_code
 
 
 def _on_sigterm(_number: int, _frame: FrameType | None) -> None:
     raise _Terminated
 
 
-def _nobody_reads() -> int:
+def _closed_pipe() -> int:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # later flushes must not fail
     return EXIT_PIPE
+
+
+def _fail(text: str, code: int, traced: bool) -> int:
+    """Print an error that is being handled, and return the exit code."""
+    text = f"{traceback.format_exc()}{text}" if traced else text
+    print("\n".join(map(printable, text.split("\n"))), file=sys.stderr)
+    return code
+
+
+def _check_sources(arguments: Sequence[str], sources: Sequence[str]) -> None:
+    """Refuse sources that may be further values of an option that takes one."""
+    for source in sources:
+        if "=" in source and not os.path.lexists(source) and (remedy := _again(arguments, source)):
+            raise ConfigError(f"{source} would be a source", remedy=remedy, code="E_USAGE")
+    words, most = list(arguments), 0
+    if "--" in words:
+        words.remove("--")
+    for start in range(len(words)):  # sources keep their order: how many of them stand side by side?
+        n = 0
+        while n < len(sources) and start + n < len(words) and words[start + n] == sources[n]:
+            n += 1
+        most = max(most, n)
+    if most < len(sources):
+        raise ConfigError(
+            f"{sources[most]} stands apart from the other sources, behind an option",
+            remedy="all sources before the options, or last after --",
+            code="E_USAGE",
+        )
+
+
+def _again(arguments: Sequence[str], word: str) -> str:
+    """How to write ``word``, where it is a further value behind an option that takes one."""
+    place = list(arguments).index(word)
+    option = next((w.partition("=")[0] for w in reversed(arguments[:place]) if w.startswith("-")), "")
+    return f"{option} again: {option} KEY=VALUE {option} {word}" if option in _REPEATED else ""
 
 
 def _usage(error: CycloptsError, arguments: Sequence[str]) -> str:
@@ -102,41 +152,32 @@ def _usage(error: CycloptsError, arguments: Sequence[str]) -> str:
     chain = error.command_chain or [name for name in arguments[:1] if name in _COMMANDS]
     remedy = " ".join(["gesture", *chain, "--help"])
     name = error.argument.name if error.argument else ""
-    if isinstance(error, MissingArgumentError):
+    if isinstance(error, MissingArgumentError) and name == "SOURCES" and "--examples" in arguments:
+        cause = "SOURCES is missing: --examples takes everything up to the next option"
+        remedy = "the sources before --examples, or last after --"
+    elif isinstance(error, MissingArgumentError):
         cause = f"{name} {'needs a value' if name in arguments else 'is missing'}"
     elif isinstance(error, UnusedCliTokensError):
-        cause = f"{shlex.join(error.unused_tokens or ())} is not understood here"
+        unused = error.unused_tokens or [""]
+        cause = f"{shlex.join(unused)} is not understood here"
+        remedy = _again(arguments, unused[0]) or remedy
     else:
         cause, meant, rest = str(error).partition(" Did you mean ")
         cause = cause.partition(" Available commands")[0].rstrip(". ")
         remedy = f"{rest.partition('?')[0]}, or {remedy}" if meant else remedy
-    return f"E_USAGE {cause}; try: {remedy}"
+    return f"{Code.USAGE} {cause}; try: {remedy}"
 
 
-def _trouble(error: OSError) -> str:
-    """What the operating system refused, said of the file that was wanted, not of a temporary one."""
-    named = error.filename2 or error.filename
+def _refused(error: OSError) -> str:
+    """What the operating system refused, about the file that was wanted, not a temporary one."""
+    wanted = error.filename2 or error.filename
     cause = error.strerror or str(error)
-    text = f"{_TEMPORARY.sub('', os.fsdecode(named))}: {cause}" if isinstance(named, str | bytes) else cause
-    return f"E_OS {text}; kept: what was written before; try: check the disk and its permissions"
+    if isinstance(wanted, str | bytes):
+        cause = f"{_TEMPORARY.sub('', os.fsdecode(wanted))}: {cause}"
+    return f"{Code.OS} {cause}; kept: what was written before; try: {Code.OS.remedy}"
 
 
-def _fail(text: str, code: int) -> int:
-    from gesture_core.cli.screen import visible
-
-    print("\n".join(map(visible, text.split("\n"))), file=sys.stderr)
-    return code
-
-
-def _interrupted(arguments: Sequence[str], code: int) -> int:
+def _interrupted(arguments: Sequence[str]) -> str:
     if arguments[:1] in (["classify"], ["extract"], ["evaluate"]):  # keypoints that were found are kept
-        return _fail(f"interrupted; resume with: gesture {shlex.join(arguments)}", code)
-    return _fail("interrupted", code)
-
-
-def _exit_code(error: GestureError) -> int:
-    if error.code == "E_RUN_LOCKED":
-        return EXIT_LOCKED
-    asked = isinstance(error, InputError | PluginError | ModelError)
-    usage = isinstance(error, ConfigError) or (asked and error.code in _USAGE)
-    return EXIT_USAGE if usage or error.code == "E_NO_RUN" else EXIT_FATAL
+        return f"interrupted; resume with: gesture {shlex.join(arguments)}"
+    return "interrupted"

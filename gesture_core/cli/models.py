@@ -24,11 +24,9 @@ app = cyclopts.App(
 @app.default
 def list_models() -> int:
     """List the networks that are here, and the public ones that can be added."""
-    from gesture_core.cli.screen import print_table
+    from gesture_core.cli.output import print_table
     from gesture_core.files import models_dir
-    from gesture_core.pose.added import added_names, read_card
-    from gesture_core.pose.known import known_models
-    from gesture_core.pose.models import find_model
+    from gesture_core.pose.models import added_names, find_model, known_models, read_card
 
     here: list[tuple[str, ...]] = []
     more: list[tuple[str, ...]] = []
@@ -61,11 +59,11 @@ def list_models() -> int:
 
 def _print_places(rows: list[tuple[str, ...]]) -> None:
     """Paths and addresses on lines of their own: a narrow table would break them."""
-    from gesture_core.cli.screen import visible
+    from gesture_core.files import printable
 
     width = max((len(row[0]) for row in rows), default=0)
     for row in rows:
-        print(f" {visible(row[0]):<{width}}   {visible(row[-1])}")
+        print(f" {printable(row[0]):<{width}}   {printable(row[-1])}")
 
 
 app.command(list_models, name="list")
@@ -105,7 +103,7 @@ def add(
     replace
         Replace the model of this name.
     """
-    from gesture_core.pose.adding import add_model
+    from gesture_core.pose.model_store import add_model, downloaded
 
     options: dict[str, Any] = {
         "contract": dict(map(_fact, contract)),
@@ -114,10 +112,14 @@ def add(
         "replace": replace,
     }
     if "://" in source:
-        from gesture_core.pose.download import downloaded
+        from rich.console import Console
+        from rich.progress import BarColumn, DownloadColumn, Progress, TransferSpeedColumn
 
-        with downloaded(source, sha256, progress=sys.stderr.isatty()) as path:
-            card = add_model(path, name or "", origin=source, **options)
+        columns = ("downloading", BarColumn(), DownloadColumn(), TransferSpeedColumn())
+        with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
+            task = bar.add_task("", total=None)
+            with downloaded(source, sha256, on_bytes=lambda count: bar.advance(task, count)) as path:
+                card = add_model(path, name, origin=source, **options)
     else:
         card = add_model(Path(source).expanduser(), name, **options)
     print(f"added {card.name}: {card.path}\nsha256 {card.sha256}")
@@ -129,8 +131,8 @@ def add(
 @app.command
 def verify() -> int:
     """Check every network that is here against its hash; exit with 3 where one differs."""
-    from gesture_core.cli.screen import print_table
-    from gesture_core.pose.adding import verify_models
+    from gesture_core.cli.output import print_table
+    from gesture_core.pose.model_store import verify_models
 
     found = verify_models()
     print_table(("name", "status"), [(name, trouble or "ok") for name, _, trouble in found])

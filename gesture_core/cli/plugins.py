@@ -14,13 +14,14 @@ import cyclopts
 from cyclopts import Parameter
 
 from gesture_core.cli.flags import UNSAID
-from gesture_core.cli.screen import print_table, visible
+from gesture_core.cli.output import print_table
 from gesture_core.errors import GestureError, MissingDependencyError, ModelError, PluginError, PoseError
+from gesture_core.files import printable
 from gesture_core.plugin import registry
 from gesture_core.plugin.interfaces import INTERFACES, KINDS
 from gesture_core.plugin.registry import Registration, Registry
 from gesture_core.settings import load_settings
-from gesture_core.settings.values import near
+from gesture_core.settings.load import near
 
 _PARAMETERS = "Parameters\n"
 
@@ -74,7 +75,7 @@ def new(
     from gesture_core.plugin.template import write_plugin
 
     folder, *files = write_plugin(kind, name, out)
-    print(f"{visible(str(folder))}/")
+    print(f"{printable(folder)}/")
     for file in files:
         print(f"  {file.relative_to(folder)}")
     print(f"next: pip install -e {shlex.quote(str(folder))}, then: gesture plugins {name}")
@@ -117,11 +118,6 @@ def _make(found: Registry, entry: Registration) -> None:
     except (TypeError, ValueError):  # a class of another language says nothing of itself
         return
     try:
-        signature.bind_partial(**dict.fromkeys(kind.given))
-    except TypeError as error:
-        cause = f"it must take {' and '.join(kind.given)}, as every {kind.title} does: {error}"
-        raise PluginError(cause) from error
-    try:
         signature.bind(**dict.fromkeys(kind.given))
     except TypeError:  # an option without a default is for the user to give
         return
@@ -147,8 +143,8 @@ def _show(found: Registry, name: str) -> None:
         entry = found.find(kind, name)
         target = found.load(kind, name)
         print(f"{entry.title} of {entry.origin}: {entry.summary}\n{entry.target}\n")
-        print(_documentation(target), end="\n\n")
-        options = _options(target, KINDS[kind].given)
+        print(documentation(target), end="\n\n")
+        options = options_of(target, KINDS[kind].given)
         if not options:
             continue
         columns, rows = ["option", "default"], [[f"{name}.{option}", value] for option, value in options]
@@ -157,12 +153,12 @@ def _show(found: Registry, name: str) -> None:
         if chosen:
             columns.append(f"preset {settings.preset}")
             for row, (option, _) in zip(rows, options, strict=True):
-                row.append(_written(chosen[option]) if option in chosen else "")
+                row.append(written(chosen[option]) if option in chosen else "")
         print_table(columns, rows)
         print(f"to change one: --set {name}.{options[0][0]}=…")
 
 
-def _documentation(target: Any) -> str:
+def documentation(target: Any) -> str:
     """The docstring of a class, with the parameters of its base where it names none of its own."""
     text = inspect.getdoc(target) or ""
     for base in target.__mro__[1:]:
@@ -172,7 +168,7 @@ def _documentation(target: Any) -> str:
     return text
 
 
-def _options(target: Any, given: Sequence[str]) -> list[tuple[str, str]]:
+def options_of(target: Any, given: Sequence[str]) -> list[tuple[str, str]]:
     """Options of a plugin's class with their defaults, without what is ``given`` by the program."""
     made = (
         {f.name: f.default_factory() for f in fields(target) if f.default_factory is not MISSING}
@@ -184,7 +180,7 @@ def _options(target: Any, given: Sequence[str]) -> list[tuple[str, str]]:
             parameter.name,
             "(required)"
             if parameter.default is parameter.empty
-            else _written(made.get(parameter.name, parameter.default)),
+            else written(made.get(parameter.name, parameter.default)),
         )
         for parameter in inspect.signature(target).parameters.values()
         if parameter.name not in given
@@ -192,12 +188,12 @@ def _options(target: Any, given: Sequence[str]) -> list[tuple[str, str]]:
     ]
 
 
-def _written(value: Any) -> str:
+def written(value: Any) -> str:
     """``value`` as it would stand in a preset or after ``--set``."""
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{json.dumps(key)} = {_written(item)}' for key, item in value.items())}}}"
+        return f"{{{', '.join(f'{json.dumps(key)} = {written(item)}' for key, item in value.items())}}}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_written, value))}]"
+        return f"[{', '.join(map(written, value))}]"
     if isinstance(value, str | bool):
         return json.dumps(value)
     return "none" if value is None else repr(value)

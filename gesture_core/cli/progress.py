@@ -2,42 +2,64 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING
 
-from gesture_core.cli.screen import visible
+from gesture_core.cli.output import named, say, say_event
+from gesture_core.files import printable
 from gesture_core.run.pipeline import Listener
-from gesture_core.types import Row
+
+if TYPE_CHECKING:
+    from rich.progress import Task
+
+    from gesture_core.types import Row
 
 _SECONDS_BETWEEN_LINES = 2.0
 
 
 @contextmanager
-def progress(*, quiet: bool = False) -> Iterator[Listener]:
-    """A listener that shows a run while the block lasts."""
+def progress(
+    sources: Sequence[str], examples: Sequence[str] = (), *, quiet: bool = False
+) -> Iterator[Listener]:
+    """A listener that shows a run while the block lasts, and first what it works on.
+
+    Parameters
+    ----------
+    sources, examples : sequence of str
+        As they stand on the command line: what a shell made of a pattern may surprise.
+    quiet : bool
+        Show nothing.
+    """
     if quiet:
         yield Listener()
     elif sys.stderr.isatty():
-        with _Bar() as bar:
+        for what, names in (("sources", sources), ("examples", examples)):
+            if names:
+                say(f"{what}: {named(names, join=' ')}")
+        with Bar() as bar:
             yield bar
     else:
-        yield _JsonLines()
+        yield Events(sources, examples)
 
 
-class _Counter(Listener):
-    """Counts what is done: inputs and examples, each once, and frames that were decoded now."""
+class Events(Listener):
+    """One line when the work is planned, for each failed example, and every two seconds.
 
-    def __init__(self) -> None:
+    What is done is counted: inputs and examples, each once, and frames that were decoded now.
+    """
+
+    def __init__(self, sources: Sequence[str] = (), examples: Sequence[str] = ()) -> None:
+        self._named = {"sources": list(sources), "example_sources": list(examples)}
         self._extracted: set[str] = set()
         self._done = self._total = self._frames = 0
-        self._started = time.monotonic()
+        self._started = self._last = time.monotonic()
 
     def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
         self._total = waiting + examples if waiting else 0
+        self._plan(inputs=inputs, waiting=waiting, examples=examples, kernel=kernel)
 
     def frames(self, name: str, count: int) -> None:
         self._frames += count
@@ -49,7 +71,7 @@ class _Counter(Listener):
         self._changed()
 
     def row(self, row: Row) -> None:
-        if not row.person and row.input not in self._extracted:  # nobody can read it
+        if not row.person and row.input not in self._extracted:  # it could not be read
             self._done += 1
             self._changed()
 
@@ -57,73 +79,21 @@ class _Counter(Listener):
         if row.input not in self._extracted:
             self._done += 1
             self._changed()
+        self._failed(row)
 
     @property
     def _rate(self) -> float:
         """Frames a second."""
         return self._frames / max(time.monotonic() - self._started, 1e-9)
 
-    def _changed(self) -> None:
-        """Something more is done."""
+    def _plan(self, **counts: int | str) -> None:
+        say_event("planned", **counts, **self._named)
 
-
-class _Bar(_Counter):
-    """Files, frames a second and time left."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-        from gesture_core.cli.screen import console
-
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(complete_style="green", finished_style="green"),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[speed]}"),
-            TimeRemainingColumn(),
-            console=console(stderr=True),
-            transient=True,
-        )
-        self._task = self._bar.add_task("looking for inputs", total=None, speed="")
-
-    def __enter__(self) -> _Bar:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-    def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
-        super().planned(inputs, waiting, examples, kernel)
-        if self._total:
-            self._bar.update(self._task, description="keypoints", total=self._total)
-
-    def _changed(self) -> None:
-        speed = f"{self._rate:.0f} frames/s" if self._frames else ""
-        self._bar.update(self._task, completed=self._done, speed=speed)
-
-    def example_failed(self, row: Row) -> None:
-        super().example_failed(row)
-        self._bar.console.print(f"example left out: {row.code} {visible(row.message)}", markup=False)
-
-
-class _JsonLines(_Counter):
-    """One line when the work is planned, for each failed example, and every two seconds."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._last = self._started
-
-    def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
-        super().planned(inputs, waiting, examples, kernel)
-        say_event("planned", inputs=inputs, waiting=waiting, examples=examples, kernel=kernel)
-
-    def example_failed(self, row: Row) -> None:
-        super().example_failed(row)
+    def _failed(self, row: Row) -> None:
         say_event("example_failed", input=row.input, code=row.code, message=row.message)
 
     def _changed(self) -> None:
+        """Something more is done."""
         now = time.monotonic()
         if now - self._last < _SECONDS_BETWEEN_LINES:
             return
@@ -138,6 +108,45 @@ class _JsonLines(_Counter):
         )
 
 
-def say_event(event: str, **facts: Any) -> None:
-    """One JSON line on standard error."""
-    print(json.dumps({"event": event, **facts}, ensure_ascii=False), file=sys.stderr, flush=True)
+class Bar(Events):
+    """Files, frames a second and time left."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        from gesture_core.cli.output import console
+
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(complete_style="green", finished_style="green"),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[speed]}"),
+            TimeRemainingColumn(),
+            console=console(stderr=True),
+            transient=True,
+        )
+        self._task = self._bar.add_task("looking for inputs", total=None, speed="")
+
+    def __enter__(self) -> Bar:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    @property
+    def shown(self) -> Task:
+        """The bar as it stands."""
+        return self._bar.tasks[0]
+
+    def _plan(self, **counts: int | str) -> None:
+        if self._total:
+            self._bar.update(self._task, description="keypoints", total=self._total)
+
+    def _failed(self, row: Row) -> None:
+        self._bar.console.print(f"example left out: {row.code} {printable(row.message)}", markup=False)
+
+    def _changed(self) -> None:
+        speed = f"{self._rate:.0f} frames/s" if self._frames else ""
+        self._bar.update(self._task, completed=self._done, speed=speed)

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from gesture_core.cli.flags import UNSAID, PoseFlags
-from gesture_core.cli.screen import counted, visible
-from gesture_core.cli.targets import check_file
+from gesture_core.cli.output import check_file, counted
 from gesture_core.errors import InputError, MediaError, PoseError
+from gesture_core.files import printable
 
 if TYPE_CHECKING:
     from gesture_core.settings import Settings
@@ -45,7 +45,14 @@ def render(
     if people is not None:
         settings = settings.with_values([("pose.people", people)], "--people")
     target = out or Path(f"{video.stem}-pose{'.mp4' if can_write_video() else '.png'}")
-    _check(video, target, overwrite=overwrite, can_write_video=can_write_video())
+    same = video.exists() and target.exists() and target.samefile(video)
+    check_file(target, (".mp4", ".png"), replace=overwrite and not same)
+    if target.suffix.lower() == ".mp4" and not can_write_video():
+        raise MediaError(
+            "writing H.264 needs PyAV: pip install 'gesture-core[video]'",
+            remedy="--out with a name that ends in .png",
+            code="E_MISSING_DEPENDENCY",
+        )
     found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
     limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
@@ -58,40 +65,28 @@ def render(
         if len(found) == 1
         else f"{len(found)} tracks of people, the longest in {longest} of them"
     )
-    print(f"{visible(str(target))}: {counted(count, 'frame')}, {who}")
+    print(f"{printable(target)}: {counted(count, 'frame')}, {who}")
     return 0
 
 
 def _people(video: Path, settings: Settings) -> list[PoseSequence]:
     """Everybody in the video, from the keypoint store or extracted in a worker process."""
-    from gesture_core.cli.keypoints import people_of
+    from gesture_core.cli.progress import progress
+    from gesture_core.run.evaluate import people_of
     from gesture_core.run.inputs import discover
 
     items = discover([video])
     if len(items) != 1 or items[0].kind != "video":
         raise InputError("is not one video", subject=str(video), remedy="a video file", code="E_OPTION")
-    for _, outcome, people in people_of(items, settings):
-        if outcome.code:
-            raise MediaError(outcome.message, subject=str(video), code=outcome.code)
-        if people:
-            return people
+    with progress([str(video)]) as listener:
+        for _, found, people in people_of(items, settings, listener=listener):
+            if found.code:
+                raise MediaError(found.message, subject=str(video), code=found.code)
+            if people:
+                return people
     raise PoseError(
         "nobody was found",
         subject=str(video),
         remedy="another --model, see gesture models",
-        code="E_POSE_NONE",
+        code="E_NO_PERSON",
     )
-
-
-def _check(video: Path, target: Path, *, overwrite: bool, can_write_video: bool) -> None:
-    check_file(target, (".mp4", ".png"), replace=overwrite and not _same(video, target))
-    if target.suffix.lower() == ".mp4" and not can_write_video:
-        raise MediaError(
-            "writing H.264 needs PyAV: pip install 'gesture-core[video]'",
-            remedy="--out with a name that ends in .png",
-            code="E_MISSING_DEPENDENCY",
-        )
-
-
-def _same(video: Path, target: Path) -> bool:
-    return video.exists() and target.exists() and target.samefile(video)

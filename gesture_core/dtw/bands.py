@@ -6,27 +6,16 @@ series; only a mask with holes has to be held as cells.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import WarpingError
 
+__all__ = ["allowed_cells", "has_holes", "is_banded", "row_spans"]
+
 _ROUNDING = 1e-9
 _AT_ONCE = 1 << 20
-"""Rows of bands, all lengths together, that are computed at once where nobody keeps them."""
-
-
-def radius(n: int, m: np.ndarray, window: int | float) -> np.ndarray:
-    """Frames of the longer series that a path may leave the diagonal by; all of them at most.
-
-    A fraction is of the longer length and rounds up, as the UCR archive's published windows do.
-    """
-    longer = np.maximum(n, m)
-    if isinstance(window, int):
-        return np.minimum(longer, min(window, 1 << 60))
-    return np.ceil(window * longer - _ROUNDING).astype(np.int64)
+"""Rows of bands, all lengths together, that are held at once."""
 
 
 def is_banded(spec: DtwSpec) -> bool:
@@ -45,8 +34,11 @@ def row_spans(n: int, m: np.ndarray, spec: DtwSpec) -> tuple[np.ndarray, np.ndar
 
     Parameters
     ----------
+    n : int
     m : (K,) int64
         The examples' lengths.
+    spec : DtwSpec
+        A fraction as its window rounds up, as the published windows of the UCR archive do.
 
     Returns
     -------
@@ -58,8 +50,13 @@ def row_spans(n: int, m: np.ndarray, spec: DtwSpec) -> tuple[np.ndarray, np.ndar
     if spec.mask is not None:
         low, high = _mask_spans(n, m, spec.mask.array())
     if spec.window is not None and n > 1:
+        longer = np.maximum(n, m)
+        if isinstance(spec.window, int):
+            radius = np.minimum(longer, min(spec.window, 1 << 60))
+        else:
+            radius = np.ceil(spec.window * longer - _ROUNDING).astype(np.int64)
         # Across the line: |row (m - 1) - column (n - 1)| <= reach, with the radius along the longer one.
-        line, reach = rows * (m - 1), radius(n, m, spec.window) * (np.minimum(n, m) - 1)
+        line, reach = rows * (m - 1), radius * (np.minimum(n, m) - 1)
         low = np.maximum(low, -((reach - line) // (n - 1)))
         high = np.minimum(high, (line + reach) // (n - 1) + 1)
     if spec.shape == "itakura" and n > 1:
@@ -90,45 +87,20 @@ def _nearest(size: int, source: int) -> np.ndarray:
     """For each of ``size`` positions, the nearest of ``source`` positions over the same span."""
     if size == 1:
         return np.zeros(1, np.int64)
-    return np.rint(np.arange(size) * ((source - 1) / (size - 1))).astype(np.int64)
-
-
-def row_bounds(n: int, m: int, spec: DtwSpec) -> tuple[np.ndarray, np.ndarray]:
-    """First column and column past the last of each row, two (n,) int32 arrays.
-
-    Raises
-    ------
-    WarpingError
-        Where a row's columns are not one interval (a mask with holes).
-    """
-    if has_holes(spec):
-        raise WarpingError("the band's mask has holes", remedy="kernel 'numpy'", code="E_BAND_HOLES")
-    low, high = row_spans(n, np.array([m]), spec)
-    return low[0], high[0]
+    step = (source - 1) / (size - 1)
+    return np.array(np.rint(np.arange(size) * step), np.int64)
 
 
 def allowed_cells(n: int, m: int, spec: DtwSpec) -> np.ndarray:
     """(n, m) bool: cells that a path between lengths ``n`` and ``m`` may visit; see `row_spans`."""
     if spec.mask is not None:
         mask = spec.mask.array()
-        return mask[_nearest(n, mask.shape[0])[:, None], _nearest(m, mask.shape[1])[None, :]]
-    low, high = row_bounds(n, m, spec)
+        stretched: np.ndarray = mask[_nearest(n, mask.shape[0])[:, None], _nearest(m, mask.shape[1])[None, :]]
+        return stretched
+    (low,), (high,) = row_spans(n, np.array([m]), spec)
     column = np.arange(m, dtype=np.int32)
-    return (column >= low[:, None]) & (column < high[:, None])
-
-
-def cell_counts(n: int, m: np.ndarray, spec: DtwSpec) -> np.ndarray:
-    """(K,) int64: how many cells lie inside the band, for K lengths of examples."""
-    if has_holes(spec):
-        return np.array([allowed_cells(n, other, spec).sum() for other in m.tolist()], np.int64)
-    spans = _spans_in_parts(n, m, spec)
-    return np.concatenate([(high - low).sum(axis=1, dtype=np.int64) for low, high in spans])
-
-
-def _spans_in_parts(n: int, m: np.ndarray, spec: DtwSpec) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    size = max(1, _AT_ONCE // n)
-    for start in range(0, len(m), size):
-        yield row_spans(n, m[start : start + size], spec)
+    inside: np.ndarray = (column >= low[:, None]) & (column < high[:, None])
+    return inside
 
 
 def has_holes(spec: DtwSpec) -> bool:
@@ -139,44 +111,36 @@ def has_holes(spec: DtwSpec) -> bool:
     return bool((np.maximum(edges, 0).sum(axis=1) > 1).any())
 
 
-def is_feasible(n: int, m: int, spec: DtwSpec) -> bool:
-    """Whether any path leads from corner to corner inside the band."""
-    return bool(_feasible(n, np.array([m]), spec)[0])
-
-
-def _feasible(n: int, m: np.ndarray, spec: DtwSpec) -> np.ndarray:
-    """(K,) bool: `is_feasible` for K lengths of examples."""
+def is_feasible(n: int, m: np.ndarray, spec: DtwSpec) -> np.ndarray:
+    """(K,) bool: whether any path leads from corner to corner inside the band, for K lengths of examples."""
     if has_holes(spec):
         return np.array([_has_path(allowed_cells(n, other, spec)) for other in m.tolist()])
-    found, ends = [], []
-    for low, high in _spans_in_parts(n, m, spec):
+    found = np.empty(len(m), bool)
+    size = max(1, _AT_ONCE // n)
+    for start in range(0, len(m), size):
+        part = slice(start, start + size)
+        low, high = row_spans(n, m[part], spec)
         # The leftmost column that a path can have reached in each row, which must lie in the row's
         # interval and at most one past the last column of the row before.
         reached = np.maximum.accumulate(low, axis=1)
         inside = (reached < high).all(axis=1) & (reached[:, 1:] <= high[:, :-1]).all(axis=1)
-        found.append(inside & (low[:, 0] == 0))
-        ends.append(high[:, -1])
-    return np.concatenate(found) & (np.concatenate(ends) == m)
+        found[part] = inside & (low[:, 0] == 0) & (high[:, -1] == m[part])
+    return found
 
 
 def _has_path(cells: np.ndarray) -> bool:
+    """Whether a path leads from the first of (n, m) bool cells to the last."""
     if not (cells[0, 0] and cells[-1, -1]):
         return False
+    position = np.arange(cells.shape[1])
     reached = np.logical_and.accumulate(cells[0])
     for row in cells[1:]:
         entered = row & (reached | np.concatenate(([False], reached[:-1])))
-        reached = _spread(entered, row)
-        if not reached.any():
-            return False
+        # From where a row is entered a path may move right, up to the next gap.
+        last_entry = np.maximum.accumulate(np.where(entered, position, -1))
+        last_gap = np.maximum.accumulate(np.where(row, -1, position))
+        reached = row & (last_entry > last_gap)
     return bool(reached[-1])
-
-
-def _spread(entered: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Cells of ``row`` that can be reached by moving right from the ``entered`` ones."""
-    position = np.arange(len(row))
-    last_entry = np.maximum.accumulate(np.where(entered, position, -1))
-    last_gap = np.maximum.accumulate(np.where(row, -1, position))
-    return row & (last_entry > last_gap)
 
 
 def check_feasible(query_lengths: np.ndarray, example_lengths: np.ndarray, spec: DtwSpec) -> None:
@@ -191,7 +155,7 @@ def check_feasible(query_lengths: np.ndarray, example_lengths: np.ndarray, spec:
         return
     columns = np.unique(example_lengths)
     for n in np.unique(query_lengths).tolist():
-        possible = _feasible(n, columns, spec)
+        possible = is_feasible(n, columns, spec)
         if not possible.all():
             m = int(columns[possible.argmin()])
             query = int(np.argmax(query_lengths == n))

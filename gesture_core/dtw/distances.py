@@ -1,34 +1,27 @@
-"""Warping distances of all queries to all examples, by whichever kernel is fastest here."""
+"""Warping distances: tables of all queries and all examples, one pair, chosen pairs, and of slopes."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from gesture_core.dtw.bands import check_feasible
-from gesture_core.dtw.lanes import lane_cost, used_dimensions, weighted
+from gesture_core.dtw.batches import Series, make_batches, refuse_one, subset, used_dimensions
 from gesture_core.dtw.spec import DtwSpec, as_spec
-from gesture_core.errors import ConfigError, InputError, PluginError
+from gesture_core.errors import ConfigError, InputError, PluginError, SignalError
 from gesture_core.plugin import registry
+from gesture_core.plugin.interfaces import DeviceKernel, DistanceKernel, PairKernel
 from gesture_core.types import SignalBatch, Signals
-
-if TYPE_CHECKING:
-    from gesture_core.plugin.interfaces import DistanceKernel
 
 CPU_ORDER = ("numba", "jax", "torch", "numpy")
 """Fastest first, as ``benchmarks/kernels.py`` measures them."""
 GPU_ORDER = ("torch", "jax")
 
-_LARGEST = {np.dtype(np.float32): 1e9, np.dtype(np.float64): 1e100}
-_SMALLEST = {np.dtype(np.float32): 1e-15, np.dtype(np.float64): 1e-150}
-"""Where nothing reaches this, squares of differences leave the dtype's range."""
-
 Options = Mapping[str, Mapping[str, Any]]
-Series = Sequence[Signals | np.ndarray]
 
 
 def warping_distances(
@@ -38,7 +31,7 @@ def warping_distances(
     kernel: str = "auto",
     options: Options | None = None,
 ) -> np.ndarray:
-    """Warping distances between every query and every example.
+    """Warping distances between every query and every example (Sakoe and Chiba 1978).
 
     Parameters
     ----------
@@ -46,6 +39,7 @@ def warping_distances(
         Lengths may differ, D may not. Computed in float32 where every series is float32 (as
         `Signals` are), else in float64.
     spec : DtwSpec, optional
+        One warping for each dimension, absolute costs and their mean by default.
     kernel : str
         A registered distance kernel, or ``"auto"`` for the fastest installed one.
     options : mapping, optional
@@ -54,84 +48,117 @@ def warping_distances(
     Returns
     -------
     (Q, N) float array
-        Infinity where a pair has no dimension in common; never NaN.
+        In the unit of the series, squared for ``cost="squared"`` without a root. Infinity where a
+        pair has no dimension in common; never NaN.
 
     Raises
     ------
     InputError
-        For an empty, ragged-width, NaN or infinite series; it names the index.
+        For an empty, ragged-width, NaN or infinite series; it names the index. Also for one array
+        instead of a sequence of them.
     WarpingError
         Where the band leaves a pair without a path; it names the pair.
+    ConfigError
+        For what is no specification, and options of what is no plugin.
+    PluginError
+        Where the kernel is unknown, does not compute ``spec``, or breaks its contract.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gesture_core.dtw import warping_distances
+    >>> rise, fall = np.array([0.0, 1.0, 2.0]), np.array([2.0, 1.0, 1.0, 0.0])
+    >>> warping_distances([rise, fall], [rise], kernel="numpy").tolist()
+    [[0.0], [4.0]]
     """
     spec = as_spec(spec)
-    _check_options(options or {})
     query_batch, example_batch = make_batches(queries, examples, spec)
     name, chosen = choose_kernel(kernel, spec, options)
     values = np.asarray(chosen.distances(chosen.prepare(example_batch, spec), query_batch))
     return check_distances(values, query_batch, example_batch, name)
 
 
-def _check_options(options: Options) -> None:
-    """Refuse options of what is no plugin: a kernel's name that is misspelt."""
-    known = {name for _, name in registry().entries}
-    for name in options:
-        if name.partition(":")[0] not in known:
-            near = difflib.get_close_matches(name, registry().names("kernel"), 1)
-            raise ConfigError(
-                f"options of {name!r}, which is no plugin",
-                remedy=f"did you mean {near[0]!r}?" if near else "the name of a distance kernel",
-                code="E_OPTION",
-            )
+def warping_distance(
+    query: Signals | np.ndarray,
+    example: Signals | np.ndarray,
+    spec: DtwSpec | None = None,
+    kernel: str = "auto",
+    options: Options | None = None,
+) -> float:
+    """The warping distance of one pair; many pairs are faster by `warping_distances`.
+
+    Parameters
+    ----------
+    query, example : Signals or (n,) or (n, D), (m,) or (m, D) arrays
+    spec, kernel, options
+        As in `warping_distances`, and so are the errors.
+
+    Returns
+    -------
+    float
+        Infinity where the two have no dimension in common.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gesture_core.dtw import warping_distance
+    >>> warping_distance(np.array([0.0, 1.0, 2.0]), np.array([0.0, 2.0, 2.0]), kernel="numpy")
+    1.0
+    """
+    return float(warping_distances([query], [example], spec, kernel, options)[0, 0])
 
 
-def make_batches(queries: Series, examples: Series, spec: DtwSpec) -> tuple[SignalBatch, SignalBatch]:
-    """Validated batches of one dtype; the boundary at which wrong input is refused."""
-    dtype = np.float32 if _all_float32(queries) and _all_float32(examples) else np.float64
-    query_batch = SignalBatch.of(queries, dtype, name="query")
-    example_batch = SignalBatch.of(examples, dtype, name="example")
-    width, other = query_batch.values.shape[2], example_batch.values.shape[2]
-    if width != other:
-        raise InputError(f"queries have {width} dimensions, examples {other}", code="E_DIMENSIONS")
-    check_weights(spec, width)
-    # Signals are in body lengths: what is that small there is what rounding left of a part that keeps still.
-    bare = not all(isinstance(item, Signals) for item in (*queries, *examples))
-    _check_magnitudes(query_batch, example_batch, spec, smallest=bare)
-    check_feasible(query_batch.lengths, example_batch.lengths, spec)
-    return query_batch, example_batch
+def derivatives(series: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """The slope estimate of each series; warp these for derivative DTW (Keogh and Pazzani 2001).
 
+    A slope is the mean of that to the left neighbour and of that between both neighbours; the first
+    and the last frame take their neighbour's, so that lengths stay.
 
-def check_weights(spec: DtwSpec, width: int) -> None:
-    """A ConfigError where ``spec`` weighs another number of dimensions than ``width``."""
-    if spec.weights is not None and len(spec.weights) != width:
-        raise ConfigError(
-            f"{len(spec.weights)} weights for series of {width} dimensions",
-            remedy=f"dtw.weights with {width} numbers, or none",
-            code="E_OPTION",
-        )
+    Parameters
+    ----------
+    series : sequence of (T,) or (T, D) arrays, T at least 3
 
+    Returns
+    -------
+    list of arrays of the same shapes
+        In the unit of the series for each frame. float32 where a series is, else float64: whole
+        numbers without a sign would wrap.
 
-def _check_magnitudes(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec, *, smallest: bool) -> None:
-    dtype, greatest = queries.values.dtype, 0.0
-    for name, batch in (("query", queries), ("example", examples)):
-        largest = np.abs(weighted(batch.values, spec)).max(axis=(1, 2))
-        greatest = max(greatest, float(largest.max()))
-        if greatest > _LARGEST[dtype]:
+    Raises
+    ------
+    SignalError
+        Where a series is shorter than three frames.
+    InputError
+        Where one is no array of frames, or has masked values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gesture_core.dtw import derivatives
+    >>> derivatives([np.array([0.0, 1.0, 4.0, 9.0, 16.0])])[0].tolist()
+    [1.5, 1.5, 3.5, 5.5, 5.5]
+    """
+    refuse_one(series)
+    slopes = []
+    for index, item in enumerate(series):
+        if np.ma.is_masked(item):
             raise InputError(
-                f"{name} {int(largest.argmax())} reaches {largest.max():.3g}, "
-                f"beyond what {dtype} costs can hold",
-                remedy="float64 series, or a smaller unit",
-                code="E_MAGNITUDE",
+                f"series {index} has masked values", remedy="fill the gaps first", code="E_NOT_FINITE"
             )
-    if smallest and lane_cost(spec) != "absolute" and 0 < greatest < _SMALLEST[dtype]:
-        raise InputError(
-            f"no series reaches more than {greatest:.3g}, below what squared {dtype} costs can hold",
-            remedy="float64 series, or a larger unit",
-            code="E_MAGNITUDE",
-        )
-
-
-def _all_float32(series: Series) -> bool:
-    return all(isinstance(item, Signals) or getattr(item, "dtype", None) == np.float32 for item in series)
+        x = np.asarray(item)
+        if x.ndim not in (1, 2) or x.dtype.kind not in "iuf":
+            raise InputError(
+                f"series {index} is {x.dtype} of shape {x.shape}, expected numbers of shape (T,) or (T, D)",
+                code="E_DIMENSIONS",
+            )
+        if len(x) < 3:
+            raise SignalError(
+                f"series {index} has {len(x)} frames, derivative DTW needs 3", code="E_SIGNAL_SHORT"
+            )
+        x = x if x.dtype == np.float32 else x.astype(np.float64)
+        slope = ((x[1:-1] - x[:-2]) + (x[2:] - x[:-2]) / 2) / 2
+        slopes.append(np.concatenate([slope[:1], slope, slope[-1:]]))
+    return slopes
 
 
 def choose_kernel(name: str, spec: DtwSpec, options: Options | None = None) -> tuple[str, DistanceKernel]:
@@ -145,11 +172,23 @@ def choose_kernel(name: str, spec: DtwSpec, options: Options | None = None) -> t
 
     Raises
     ------
+    ConfigError
+        For options of what is no plugin: a kernel's name that is misspelt.
     PluginError
         Where the named kernel is unknown or does not support ``spec``.
     """
+    options = options or {}
+    plugins = set(map(itemgetter(1), registry().entries))
+    for owner in options:
+        if owner.partition(":")[0] not in plugins:
+            near = difflib.get_close_matches(owner, registry().names("kernel"), 1)
+            raise ConfigError(
+                f"options of {owner!r}, which is no plugin",
+                remedy=f"did you mean {near[0]!r}?" if near else "the name of a distance kernel",
+                code="E_OPTION",
+            )
     if name != "auto":
-        kernel = registry().make("kernel", name, (options or {}).get(name))
+        kernel: DistanceKernel = registry().make("kernel", name, options.get(name))
         if not kernel.supports(spec):
             raise PluginError(
                 f"distance kernel {name!r} does not compute {spec}",
@@ -159,14 +198,41 @@ def choose_kernel(name: str, spec: DtwSpec, options: Options | None = None) -> t
         return name, kernel
     usable = registry().names("kernel", usable=True)
     gpu = GPU_ORDER if Path("/dev/nvidiactl").exists() else ()
-    for candidate in (*gpu, *CPU_ORDER):
+    for place, candidate in enumerate((*gpu, *CPU_ORDER)):
         if candidate not in usable:
             continue
-        kernel = registry().make("kernel", candidate, (options or {}).get(candidate))
-        wanted = candidate not in gpu or getattr(kernel, "device", "cpu") != "cpu"
-        if wanted and kernel.supports(spec):
+        kernel = registry().make("kernel", candidate, options.get(candidate))
+        if place < len(gpu) and not (isinstance(kernel, DeviceKernel) and kernel.device != "cpu"):
+            continue
+        if kernel.supports(spec):
             return candidate, kernel
     raise PluginError(f"no installed distance kernel computes {spec}", code="E_KERNEL_UNSUPPORTED")
+
+
+def pair_distances(
+    kernel: DistanceKernel,
+    queries: SignalBatch,
+    examples: SignalBatch,
+    spec: DtwSpec,
+    query_index: np.ndarray,
+    example_index: np.ndarray,
+    state: Any = None,
+) -> np.ndarray:
+    """(K,) distances of the pairs ``(query_index[k], example_index[k])``, by any kernel.
+
+    For a kernel that only computes tables, each query's examples are a table of one row. ``state``
+    is what the kernel prepared for ``examples``, where the caller has it.
+    """
+    if isinstance(kernel, PairKernel):
+        if state is None:
+            state = kernel.prepare(examples, spec)
+        return np.asarray(kernel.pairs(state, queries, query_index, example_index))
+    out = np.empty(len(query_index), queries.values.dtype)
+    order = np.argsort(query_index, kind="stable")
+    for group in np.split(order, np.flatnonzero(np.diff(query_index[order])) + 1):
+        chosen = kernel.prepare(subset(examples, example_index[group]), spec)
+        out[group] = kernel.distances(chosen, subset(queries, query_index[group[:1]]))[0]
+    return out
 
 
 def check_distances(values: np.ndarray, queries: SignalBatch, examples: SignalBatch, name: str) -> np.ndarray:

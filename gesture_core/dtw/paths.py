@@ -1,12 +1,11 @@
-"""Alignment paths of chosen pairs."""
+"""The alignment path of one pair."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gesture_core.dtw.bands import allowed_cells
-from gesture_core.dtw.distances import make_batches
-from gesture_core.dtw.lanes import used_dimensions
+from gesture_core.dtw.batches import make_batches, used_dimensions
 from gesture_core.dtw.reference import local_costs
 from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError, WarpingError
@@ -19,7 +18,7 @@ def warping_path(
     spec: DtwSpec | None = None,
     dimension: int | None = None,
 ) -> np.ndarray:
-    """The path of least cost between two series.
+    """The path of least cost between two series (Sakoe and Chiba 1978).
 
     Parameters
     ----------
@@ -41,7 +40,14 @@ def warping_path(
     ConfigError
         For soft warping, and where ``dimension`` is missing, too many, or not compared.
     InputError, WarpingError
-        As `warping_distances`.
+        As `warping_distances`; in dependent mode also where the two have no dimension in common.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gesture_core.dtw import warping_path
+    >>> warping_path(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 1.0])).tolist()
+    [[0, 0], [1, 0], [2, 1], [2, 2]]
     """
     spec = as_spec(spec)
     if spec.gamma is not None:

@@ -1,12 +1,13 @@
 """The float64 reference: plain loops over one pair, what every kernel is tested against.
 
-Written to be read against the definitions, not to be fast; `accumulate` is plain enough for a
+Written to be read against the definitions, not to be fast. `accumulate` is plain enough for a
 compiler of Python loops, which is how the tests run it over long series.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -15,7 +16,11 @@ from gesture_core.dtw.spec import DtwSpec
 
 
 def reference_distance(
-    query: np.ndarray, example: np.ndarray, spec: DtwSpec, use: np.ndarray | None = None
+    query: np.ndarray,
+    example: np.ndarray,
+    spec: DtwSpec,
+    use: np.ndarray | None = None,
+    recursion: Callable[[np.ndarray, np.ndarray, float], np.ndarray] | None = None,
 ) -> float:
     """The warping distance of one pair.
 
@@ -25,37 +30,32 @@ def reference_distance(
     spec : DtwSpec
     use : (D,) bool, optional
         Dimensions to compare; all by default.
+    recursion : callable, optional
+        A compiled form of `accumulate`.
 
     Returns
     -------
     float
         Infinity where no dimension is used.
     """
-    tables = [accumulate(*parts) for parts in _tables(query, example, spec, use)]
-    if not tables:
+    x, y = np.asarray(query, np.float64), np.asarray(example, np.float64)
+    used = np.flatnonzero(np.ones(x.shape[1], bool) if use is None else use)
+    if len(used) == 0:
         return math.inf
+    cells = allowed_cells(len(x), len(y), spec)
     values = []
-    for table in tables:
-        value = float(table[-1, -1])
+    for group in [used] if spec.mode == "dependent" else used[:, None]:
+        cost = local_costs(x, y, spec, group)
+        value = float((recursion or accumulate)(cost, cells, spec.gamma or 0.0)[-1, -1])
         if spec.length_norm:
-            value /= sum(table.shape)
+            value /= len(x) + len(y)
         values.append(math.sqrt(value) if spec.root else value)
     total = math.fsum(values)
     return total / len(values) if spec.reduce == "mean" else total
 
 
-def _tables(
-    query: np.ndarray, example: np.ndarray, spec: DtwSpec, use: np.ndarray | None
-) -> list[tuple[np.ndarray, np.ndarray, float]]:
-    x, y = np.asarray(query, np.float64), np.asarray(example, np.float64)
-    used = np.flatnonzero(np.ones(x.shape[1], bool) if use is None else use)
-    groups = [used] if spec.mode == "dependent" and len(used) else [np.array([d]) for d in used]
-    cells = allowed_cells(len(x), len(y), spec)
-    return [(local_costs(x, y, spec, group), cells, spec.gamma or 0.0) for group in groups]
-
-
 def local_costs(x: np.ndarray, y: np.ndarray, spec: DtwSpec, dimensions: np.ndarray) -> np.ndarray:
-    """(n, m) float64: the cost of matching each frame of ``x`` with each of ``y``."""
+    """(n, m) float64: the cost of matching each frame of ``x`` with each of ``y`` over ``dimensions``."""
     cost = np.zeros((len(x), len(y)))
     euclidean = spec.cost == "euclidean" and spec.mode == "dependent"
     for d in dimensions:

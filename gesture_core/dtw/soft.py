@@ -1,25 +1,68 @@
-"""Soft-DTW beyond its value: gradients and the divergence."""
+"""Soft-DTW: values, gradients and the divergence."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from gesture_core.dtw.distances import check_distances, choose_kernel, make_batches
-from gesture_core.dtw.lanes import used_dimensions
-from gesture_core.dtw.pairs import pair_distances
+from gesture_core.dtw.batches import Series, make_batches, used_dimensions
+from gesture_core.dtw.distances import (
+    Options,
+    check_distances,
+    choose_kernel,
+    pair_distances,
+    warping_distances,
+)
 from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.plugin.interfaces import DistanceKernel
-from gesture_core.types import SignalBatch, Signals
+from gesture_core.plugin.interfaces import DistanceKernel, GradientKernel
+from gesture_core.types import SignalBatch
+
+SOFT = DtwSpec(mode="dependent", cost="squared", reduce="sum", gamma=1.0)
+"""The specification of Cuturi and Blondel, and of tslearn."""
+
+
+def soft_warping(
+    queries: Series,
+    examples: Series,
+    spec: DtwSpec = SOFT,
+    kernel: str = "auto",
+    options: Options | None = None,
+) -> np.ndarray:
+    """Soft-DTW between every query and every example (Cuturi and Blondel 2017).
+
+    Parameters
+    ----------
+    queries, examples : sequences of Signals or (T,) or (T, D) arrays
+    spec : DtwSpec
+        With a ``gamma``; by default dependent, squared costs, their sum, and a softness of 1.
+    kernel, options
+        As in `warping_distances`, and so are the errors.
+
+    Returns
+    -------
+    (Q, N) float array
+        In the unit of the costs; may be negative. Infinity where a pair has no dimension in common.
+
+    Raises
+    ------
+    ConfigError
+        Where ``spec`` has no ``gamma``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gesture_core.dtw import soft_warping
+    >>> soft_warping([np.array([0.0, 1.0])], [np.array([0.0, 2.0])], kernel="numpy").round(3).tolist()
+    [[0.436]]
+    """
+    return warping_distances(queries, examples, _soft(spec), kernel, options)
 
 
 @dataclass(frozen=True, eq=False)
-class SoftGradients:
-    """Soft-DTW values, and the gradients of their weighted sum.
+class SoftGradient:
+    """Soft-DTW values, and the gradient of their weighted sum.
 
     Attributes
     ----------
@@ -33,80 +76,104 @@ class SoftGradients:
     examples: list[np.ndarray]
 
 
-def soft_gradients(
-    queries: Sequence[Signals | np.ndarray],
-    examples: Sequence[Signals | np.ndarray],
-    spec: DtwSpec,
+def soft_warping_gradient(
+    queries: Series,
+    examples: Series,
+    spec: DtwSpec = SOFT,
     weights: np.ndarray | None = None,
     kernel: str = "auto",
-) -> SoftGradients:
+    options: Options | None = None,
+) -> SoftGradient:
     """Values and gradients of soft-DTW (Cuturi and Blondel 2017).
 
     Parameters
     ----------
-    spec : DtwSpec
-        With a ``gamma``.
+    queries, examples, spec, kernel, options
+        As in `soft_warping`, and so are the errors.
     weights : (Q, N) float, optional
         What each pair counts for in the sum whose gradient is taken; 1 by default.
+
+    Returns
+    -------
+    SoftGradient
+        Zero in dimensions that no pair of a series is compared on.
 
     Raises
     ------
     ConfigError
-        Where ``spec`` has no ``gamma``.
+        Where ``spec`` has no ``gamma``, or ``kernel`` computes no gradients.
     InputError
         Where ``weights`` have another shape, or are not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gesture_core.dtw import soft_warping_gradient
+    >>> found = soft_warping_gradient([np.array([0.0, 1.0])], [np.array([0.0, 2.0])], kernel="numpy")
+    >>> found.queries[0].round(3).tolist()
+    [[-0.363], [-1.819]]
     """
-    _need_gamma(spec)
+    spec = _soft(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
-    name, chosen = _choose(kernel, spec)
+    name, chosen = choose_kernel(kernel, spec, options)
+    if not isinstance(chosen, GradientKernel):
+        raise ConfigError(f"kernel {name!r} computes no gradients", remedy="--kernel auto", code="E_OPTION")
     shape = (len(query_batch), len(example_batch))
     shares = np.ones(shape) if weights is None else np.asarray(weights, np.float64)
     if shares.shape != shape or not np.isfinite(shares).all():
         raise InputError(
             f"weights of shape {shares.shape}, expected {shape} finite numbers", code="E_DIMENSIONS"
         )
-    state = chosen.prepare(example_batch, spec)
-    values, of_queries, of_examples = chosen.gradients(state, query_batch, shares)
+    values, *slopes = chosen.gradients(chosen.prepare(example_batch, spec), query_batch, shares)
     check_distances(values, query_batch, example_batch, name)
-    return SoftGradients(values, _split(of_queries, query_batch), _split(of_examples, example_batch))
-
-
-def _choose(kernel: str, spec: DtwSpec) -> tuple[str, Any]:
-    name, chosen = choose_kernel(kernel, spec)
-    if hasattr(chosen, "gradients"):
-        return name, chosen
-    if kernel == "auto":
-        return choose_kernel("numpy", spec)
-    raise ConfigError(f"kernel {name!r} computes no gradients", remedy="--kernel auto", code="E_OPTION")
-
-
-def _split(gradient: np.ndarray, batch: SignalBatch) -> list[np.ndarray]:
-    return [gradient[index, :length] for index, length in enumerate(batch.lengths)]
+    of_queries, of_examples = (
+        [series[:length] for series, length in zip(slope, batch.lengths, strict=True)]
+        for slope, batch in zip(slopes, (query_batch, example_batch), strict=True)
+    )
+    return SoftGradient(values, of_queries, of_examples)
 
 
 def soft_divergence(
-    queries: Sequence[Signals | np.ndarray],
-    examples: Sequence[Signals | np.ndarray],
-    spec: DtwSpec,
+    queries: Series,
+    examples: Series,
+    spec: DtwSpec = SOFT,
     kernel: str = "auto",
+    options: Options | None = None,
 ) -> np.ndarray:
-    """(Q, N) soft-DTW divergence (Blondel, Mensch and Vert 2021).
+    """The soft-DTW divergence (Blondel, Mensch and Vert 2021).
 
     The value of each pair less the mean of the values of its two series with themselves, on the
     dimensions that the pair is compared on: zero for equal series, and for squared costs never negative.
-    Infinity where a pair has no dimension in common.
+
+    Parameters
+    ----------
+    queries, examples, spec, kernel, options
+        As in `soft_warping`, and so are the errors.
+
+    Returns
+    -------
+    (Q, N) float array
+        Infinity where a pair has no dimension in common.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gesture_core.dtw import soft_divergence
+    >>> rise = np.array([0.0, 1.0, 2.0])
+    >>> soft_divergence([rise], [rise, rise + 1], kernel="numpy").round(3).tolist()
+    [[0.0, 2.253]]
     """
-    _need_gamma(spec)
+    spec = _soft(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
-    name, chosen = choose_kernel(kernel, spec)
+    name, chosen = choose_kernel(kernel, spec, options)
     values = np.asarray(chosen.distances(chosen.prepare(example_batch, spec), query_batch))
     check_distances(values, query_batch, example_batch, name)
     qi, ei = (index.reshape(-1) for index in np.indices(values.shape))
     use = used_dimensions(query_batch, example_batch, qi, ei)
-    own = _with_itself(chosen, query_batch, qi, use, spec) + _with_itself(
-        chosen, example_batch, ei, use, spec
-    )
-    return values - np.where(use.any(axis=1), own / 2, 0).reshape(values.shape)
+    own = _with_itself(chosen, query_batch, qi, use, spec)
+    own += _with_itself(chosen, example_batch, ei, use, spec)
+    divergence: np.ndarray = values - np.where(use.any(axis=1), own / 2, 0).reshape(values.shape)
+    return divergence
 
 
 def _with_itself(
@@ -121,6 +188,8 @@ def _with_itself(
     return pair_distances(kernel, alone, alone, spec, every, every)[place.reshape(-1)]
 
 
-def _need_gamma(spec: DtwSpec) -> None:
+def _soft(spec: DtwSpec) -> DtwSpec:
+    """``spec``, which must have a softness."""
     if as_spec(spec).gamma is None:
         raise ConfigError("soft-DTW without dtw.gamma", remedy="gamma = 1.0", code="E_OPTION")
+    return spec

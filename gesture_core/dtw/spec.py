@@ -1,10 +1,11 @@
-"""What exactly a warping distance is: every choice that differs between libraries, named."""
+"""What exactly a warping distance is: every choice that differs between libraries has a name here."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,13 +14,20 @@ from gesture_core.errors import ConfigError
 if TYPE_CHECKING:
     import numpy as np
 
+__all__ = ["BandMask", "DtwSpec"]
+
 Mode = Literal["independent", "dependent"]
 Cost = Literal["absolute", "squared", "euclidean"]
 Reduce = Literal["sum", "mean"]
 Shape = Literal["sakoe_chiba", "itakura"]
 
-MOST = sys.float_info.max
-SOFTNESS = (1e-300, 1e30)
+_CHOICES = {
+    "mode": ("independent", "dependent"),
+    "cost": ("absolute", "squared", "euclidean"),
+    "reduce": ("sum", "mean"),
+    "shape": ("sakoe_chiba", "itakura"),
+}
+_SOFTNESS = (1e-300, 1e30)
 """Least and greatest softness: beyond, its inverse or a soft distance overflows."""
 
 
@@ -27,14 +35,25 @@ SOFTNESS = (1e-300, 1e30)
 class BandMask:
     """A band as a boolean array, hashable; rows are the query's frames.
 
-    Fits learned bands (Ratanamahatana and Keogh 2004). Make one with `BandMask.of`.
+    Holds learned bands (Ratanamahatana and Keogh 2004). Make one with `BandMask.of`.
+
+    Attributes
+    ----------
+    rows : tuple of n bytes objects
+        Each holds the m cells of a row, a byte each.
+
+    Examples
+    --------
+    >>> from gesture_core.dtw import BandMask
+    >>> BandMask.of([[True, False], [True, True]]).array().sum().item()
+    3
     """
 
     rows: tuple[bytes, ...]
 
     @classmethod
     def of(cls, cells: Any) -> BandMask:
-        """The mask of a boolean (n, m) array."""
+        """The mask of a boolean (n, m) array; a ConfigError for anything else."""
         import numpy as np
 
         try:
@@ -87,6 +106,21 @@ class DtwSpec:
         a Euclidean one in dependent mode.
     mask : None, BandMask or boolean (n, m) array
         Cells that a path may visit; stretched to pairs of other lengths.
+
+    Raises
+    ------
+    ConfigError
+        For a value that a field cannot have, and for ``root`` with ``gamma`` or ``mask`` with
+        another band.
+
+    Examples
+    --------
+    The distance of dtaidistance and tslearn, with a window of a tenth of the longer series:
+
+    >>> from gesture_core.dtw import DtwSpec
+    >>> spec = DtwSpec(mode="dependent", cost="squared", reduce="sum", root=True, window=0.1)
+    >>> spec.replace(root=False) == DtwSpec(mode="dependent", cost="squared", reduce="sum", window=0.1)
+    True
     """
 
     mode: Mode = "independent"
@@ -102,35 +136,38 @@ class DtwSpec:
     mask: BandMask | None = None
 
     def __post_init__(self) -> None:
-        _one_of("mode", self.mode, ("independent", "dependent"))
-        _one_of("cost", self.cost, ("absolute", "squared", "euclidean"))
-        _one_of("reduce", self.reduce, ("sum", "mean"))
-        _one_of("shape", self.shape, ("sakoe_chiba", "itakura"))
+        put = partial(object.__setattr__, self)
+        for name, choices in _CHOICES.items():
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in choices:
+                raise _wrong(name, value, " or ".join(choices))
         for name in ("root", "length_norm"):
-            self._set(name, _flag(name, getattr(self, name)))
+            value = getattr(self, name)
+            if type(value).__name__ not in ("bool", "bool_"):  # the second is that of NumPy
+                raise _wrong(name, value, "True or False")
+            put(name, bool(value))
         if self.window is not None:
-            self._set("window", _window(self.window))
-        self._set("max_slope", _real("max_slope", self.max_slope, "a number above 1"))
+            put("window", _window(self.window))
+        put("max_slope", _real("max_slope", self.max_slope, "a number above 1"))
         if self.max_slope <= 1:
             raise _wrong("max_slope", self.max_slope, "a number above 1")
         if self.gamma is not None:
-            expected = f"a positive number, {SOFTNESS[0]:g} to {SOFTNESS[1]:g}, or none for hard DTW"
-            self._set("gamma", _real("gamma", self.gamma, expected, *SOFTNESS))
-        if self.gamma is not None and self.root:
-            raise ConfigError(
-                "dtw.root with dtw.gamma: soft-DTW may be negative and has no root", code="E_OPTION"
-            )
+            expected = f"a positive number, {_SOFTNESS[0]:g} to {_SOFTNESS[1]:g}, or none for hard DTW"
+            put("gamma", _real("gamma", self.gamma, expected, *_SOFTNESS))
+            if self.root:
+                raise ConfigError(
+                    "dtw.root with dtw.gamma: soft-DTW may be negative and has no root", code="E_OPTION"
+                )
         if self.weights is not None:
-            self._set("weights", _weights(self.weights))
+            expected = "a sequence of non-negative finite numbers"
+            if isinstance(self.weights, str) or not isinstance(self.weights, Iterable):
+                raise _wrong("weights", self.weights, expected)
+            put("weights", tuple(_real("weights", weight, expected) for weight in self.weights))
         if self.mask is not None:
             if not isinstance(self.mask, BandMask):
-                self._set("mask", BandMask.of(self.mask))
+                put("mask", BandMask.of(self.mask))
             if self.window is not None or self.shape != "sakoe_chiba":
                 raise ConfigError("dtw.mask with another band: choose one of them", code="E_OPTION")
-
-    def _set(self, name: str, value: object) -> None:
-        """Put the plain form of a field in its place, while the specification is being made."""
-        object.__setattr__(self, name, value)
 
     def _key(self) -> tuple[object, ...]:
         """The fields; the window with its type, for a radius of 1 is not a fraction of 1.0."""
@@ -142,9 +179,9 @@ class DtwSpec:
     def __hash__(self) -> int:
         return hash(self._key())
 
-    def replace(self, **changes: object) -> DtwSpec:
+    def replace(self, **changes: Any) -> DtwSpec:
         """The same specification with other choices."""
-        return replace(self, **changes)  # type: ignore[arg-type]
+        return replace(self, **changes)
 
 
 def as_spec(spec: DtwSpec | None) -> DtwSpec:
@@ -156,40 +193,22 @@ def as_spec(spec: DtwSpec | None) -> DtwSpec:
     return spec
 
 
-def _one_of(name: str, value: object, choices: tuple[str, ...]) -> None:
-    if not isinstance(value, str) or value not in choices:
-        raise _wrong(name, value, " or ".join(choices))
-
-
-def _flag(name: str, value: object) -> bool:
-    """A bool, or NumPy's."""
-    if isinstance(value, bool) or type(value).__name__ in ("bool", "bool_"):
-        return bool(value)
-    raise _wrong(name, value, "True or False")
-
-
 def _window(value: object) -> int | float:
     """The window as Python's own int or float, NumPy's scalars included: its type says what it means."""
-    expected = "a radius in frames (0, 1, 2 …), a fraction 0.0..1.0, or none"
     if isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= 0:
         return int(value)
     if isinstance(value, Real) and not isinstance(value, Integral) and 0 <= float(value) <= 1:
         return float(value)
-    raise _wrong("window", value, expected)
+    raise _wrong("window", value, "a radius in frames (0, 1, 2 …), a fraction 0.0..1.0, or none")
 
 
-def _real(name: str, value: object, expected: str, least: float = 0.0, most: float = MOST) -> float:
+def _real(
+    name: str, value: object, expected: str, least: float = 0.0, most: float = sys.float_info.max
+) -> float:
     """``value`` as a float between the two; text and truth values are no numbers."""
     if isinstance(value, Real) and not isinstance(value, bool) and least <= float(value) <= most:
         return float(value)
     raise _wrong(name, value, expected)
-
-
-def _weights(values: object) -> tuple[float, ...]:
-    expected = "a sequence of non-negative finite numbers"
-    if isinstance(values, str) or not isinstance(values, Iterable):
-        raise _wrong("weights", values, expected)
-    return tuple(_real("weights", weight, expected) for weight in values)
 
 
 def _wrong(name: str, value: object, expected: str) -> ConfigError:

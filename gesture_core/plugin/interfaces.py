@@ -197,18 +197,34 @@ class Person:
         Pixels of the frame that was passed in; NaN where missing.
     scores : (J,) float array
         Confidence in 0..1.
+    peaks : (J, K, 3) float32 array, optional
+        x, y and score of all places where each joint may be, the highest first; NaN, NaN, 0 beyond the
+        last. The first need not be a keypoint: it may be too low to count by itself. With them the choice
+        over time (`gesture_core.pose.temporal`) may take another place than the best of one frame.
     """
 
     keypoints: np.ndarray
     scores: np.ndarray
+    peaks: np.ndarray | None = None
 
 
 @runtime_checkable
 class PoseBackend(Protocol):
-    """Finds people in pictures. Constructed with ``model`` (a `pose.models.ModelFile`) and options."""
+    """Finds people in pictures.
+
+    Constructed with ``model`` (a `gesture_core.pose.models.ModelFile`) and options as keywords. The
+    parameters of the constructor are its options. Three of them come from the program where they are
+    taken: ``threads`` (of the runtime, 0 for its own choice), and, where the user sets them in [pose],
+    ``height`` (of the input, in pixels) and ``score`` (below which a joint is missing).
+
+    More abilities are optional: `CropFollowing`, `TemporalChoice`, `Traceable`, and `Person.peaks`.
+    `gesture_core.pose.network.NetworkBackend` is a base class that has them all.
+    """
 
     skeleton: str
+    """A key of `gesture_core.skeletons.SKELETONS`."""
     batch_size: int
+    """Frames that `estimate` is best given at once."""
 
     def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
         """People in each of ``frames``, each (H, W, 3) uint8 in BGR, best person first.
@@ -216,6 +232,32 @@ class PoseBackend(Protocol):
         ``people`` is ``"single"`` (at most one for each frame) or ``"multi"``.
         """
         ...
+
+
+@runtime_checkable
+class CropFollowing(Protocol):
+    """A pose backend that says how a crop that follows the person suits it."""
+
+    follow: bool
+    """Whether it is given such a crop unless the user says otherwise."""
+    crop: float
+    """Side of the crop over the reach of the body, from a raised hand to the foot."""
+
+
+@runtime_checkable
+class TemporalChoice(Protocol):
+    """A pose backend with an option ``steady``; without it, limbs are chosen over time by default."""
+
+    steady: bool
+    """Whether the limbs of a video are chosen for all frames together (`gesture_core.pose.temporal`)."""
+
+
+@runtime_checkable
+class Traceable(Protocol):
+    """A pose backend that says what makes its keypoints; it is kept in ``PoseSequence.provenance``."""
+
+    provenance: Mapping[str, str]
+    """Backend, runtime, hash of the model, and whatever else decides the keypoints, as text."""
 
 
 @runtime_checkable
@@ -256,11 +298,13 @@ class Normalizer(Protocol):
 class Filter(Protocol):
     """Changes signals: smoothing, centring, derivatives, resampling, leaving channels out.
 
-    A filter that adds, drops or reorders channels does so with ``mask`` and ``present`` too: a
-    channel is salient, or there, where what it is made of is. Names tell later stages what a channel is:
-    ``left_`` and ``right_`` in front change places in a mirror, which turns what ends in ``_x`` (before
-    a ``.`` or ``@``) round; channels whose names differ only in side and axis are one part of the body
-    for ``classify.separate``. So ``left_wrist.speed`` is mirrored, ``speed_left_wrist`` is not.
+    A filter that adds, drops or reorders channels does so with ``mask`` and ``present`` too; a new
+    channel is salient, or present, where the channels that it is made from are.
+
+    Later stages go by the names of channels. A mirror exchanges ``left_`` and ``right_`` at the start of
+    a name, and reverses the sign of a channel whose name ends in ``_x`` (before a ``.`` or ``@``).
+    Channels whose names differ only in side and axis are one part of the body for
+    ``classify.separate``. So ``left_wrist.speed`` is mirrored, ``speed_left_wrist`` is not.
     """
 
     def apply(self, signals: Signals) -> Signals:
@@ -282,7 +326,9 @@ class DistanceKernel(Protocol):
     """Computes warping distances in batches: prepare once, compute many.
 
     Constructed without options or with them as keywords. The same pair must give the same bits in
-    whatever batch it travels.
+    whatever batch it travels. ``state`` is the kernel's own: the caller hands back what `prepare`
+    returned. A kernel that can do more has the methods of `PairKernel`, `BoundedKernel`,
+    `GradientKernel`, `LowerBoundKernel`, `ApproximateKernel` or `DeviceKernel` as well.
     """
 
     def supports(self, spec: DtwSpec) -> bool:
@@ -295,6 +341,86 @@ class DistanceKernel(Protocol):
 
     def distances(self, state: Any, queries: SignalBatch) -> np.ndarray:
         """(Q, N) float array; infinity where a pair has no dimension in common, never NaN."""
+        ...
+
+
+@runtime_checkable
+class PairKernel(DistanceKernel, Protocol):
+    """A distance kernel that computes chosen pairs without the rest of their table."""
+
+    def pairs(
+        self, state: Any, queries: SignalBatch, query_index: np.ndarray, example_index: np.ndarray
+    ) -> np.ndarray:
+        """(K,) distances of pairs ``(query_index[k], example_index[k])``, with the bits of `distances`."""
+        ...
+
+
+@runtime_checkable
+class BoundedKernel(DistanceKernel, Protocol):
+    """A distance kernel that abandons pairs which are certain to exceed a limit."""
+
+    def within(
+        self,
+        state: Any,
+        queries: SignalBatch,
+        query_index: np.ndarray,
+        example_index: np.ndarray,
+        limits: np.ndarray,
+    ) -> np.ndarray:
+        """(K,) distances of chosen pairs under a hard specification, as far as they matter.
+
+        Bitwise those of `distances`, or infinity for a pair that exceeds ``limits[query_index[k]]``,
+        of which there is one (float64) for each query.
+        """
+        ...
+
+
+@runtime_checkable
+class GradientKernel(DistanceKernel, Protocol):
+    """A distance kernel that differentiates soft distances."""
+
+    def gradients(
+        self, state: Any, queries: SignalBatch, weights: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Soft distances, and the gradients of their sum weighted by ``weights`` (Q, N).
+
+        Returns
+        -------
+        (Q, N), (Q, T, D), (N, T, D)
+            In the dtype of the batches; gradients are zero beyond each length and in dimensions that
+            no pair of the series is compared on.
+        """
+        ...
+
+
+@runtime_checkable
+class LowerBoundKernel(DistanceKernel, Protocol):
+    """A distance kernel with a fast LB_Keogh (Keogh and Ratanamahatana 2005) for exact search."""
+
+    def keogh(self, query: np.ndarray, lower: np.ndarray, upper: np.ndarray, squared: bool) -> np.ndarray:
+        """(N, D) float64 sums over the frames of how far a query lies outside envelopes.
+
+        ``query`` is (D, n), ``lower`` and ``upper`` are (N, D, n), all float64; with ``squared`` the
+        squares are summed.
+        """
+        ...
+
+
+@runtime_checkable
+class ApproximateKernel(DistanceKernel, Protocol):
+    """A distance kernel that is not held to the exact distances, and never chosen by ``auto``."""
+
+    approximation: str
+    """What it computes instead, for `gesture bench`: ``"FastDTW (Salvador and Chan 2007)"``."""
+
+
+@runtime_checkable
+class DeviceKernel(DistanceKernel, Protocol):
+    """A distance kernel that may compute elsewhere than on the CPU."""
+
+    @property
+    def device(self) -> str:
+        """Where it computes: ``"cpu"`` or the name of an accelerator, such as ``"cuda"``."""
         ...
 
 

@@ -188,7 +188,8 @@ class Registry:
         MissingDependencyError
             Names the command that installs what is missing.
         PluginError
-            Where the name is unknown or ambiguous, or the import fails.
+            Where the name is unknown or ambiguous, the import fails, or the constructor lacks a parameter
+            that every plugin of the kind is given.
         """
         entry = self.find(kind, name)
         if entry.missing:
@@ -196,7 +197,20 @@ class Registry:
         module, _, attribute = entry.target.partition(":")
         with calling(entry, "cannot be imported", code="E_PLUGIN_IMPORT", remedy="repair or uninstall it"):
             target: type[Any] = getattr(importlib.import_module(module), attribute)
+        known = _parameters(target)
+        lacking = [name for name in KINDS[kind].given if known is not None and name not in known]
+        if lacking:
+            raise PluginError(
+                f"{entry}: its constructor takes no {' and no '.join(map(repr, lacking))}",
+                remedy="repair or uninstall it",
+                code="E_PLUGIN_CONTRACT",
+            )
         return target
+
+    def takes(self, kind: str, name: str, option: str) -> bool:
+        """Whether a plugin has an option; the parameters of its constructor are its options."""
+        known = _parameters(self.load(kind, name))
+        return known is None or option in known
 
     def make(self, kind: str, name: str, options: Mapping[str, Any] | None = None, **fixed: Any) -> Any:
         """Construct a plugin with ``options`` as keyword arguments.
@@ -225,15 +239,22 @@ class Registry:
                 raise ConfigError(cause, remedy=remedy, code="E_OPTION") from error
 
 
-def _refuse_unknown(entry: Registration, factory: Any, options: Mapping[str, Any]) -> None:
-    """A ConfigError for the first option that the plugin's class does not name."""
+def _parameters(factory: Any) -> list[str] | None:
+    """Names that the constructor takes as keywords; None where it takes any, or says nothing of itself."""
     try:
         taken = inspect.signature(factory).parameters.values()
-    except (TypeError, ValueError):  # a class of another language says nothing of itself
-        return
+    except (TypeError, ValueError):  # a class of another language
+        return None
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken):
+        return None
+    return [parameter.name for parameter in taken if parameter.kind is not parameter.POSITIONAL_ONLY]
+
+
+def _refuse_unknown(entry: Registration, factory: Any, options: Mapping[str, Any]) -> None:
+    """A ConfigError for the first option that the plugin's class does not name."""
+    known = _parameters(factory)
+    if known is None:
         return
-    known = [parameter.name for parameter in taken if parameter.kind is not parameter.POSITIONAL_ONLY]
     for option in options:
         if option not in known:
             near = difflib.get_close_matches(option, known, 1)

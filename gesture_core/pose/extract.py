@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import PoseBackend
+from gesture_core.plugin.interfaces import CropFollowing, Person, PoseBackend, TemporalChoice, Traceable
 from gesture_core.pose.follow import Follower
-from gesture_core.pose.steady import Steady
-from gesture_core.pose.tracks import Tracker
+from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
 
@@ -41,17 +40,15 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
     from gesture_core.plugin import registry
     from gesture_core.pose.models import find_model
 
-    pose = settings.pose
-    found = registry()
-    # A backend takes what it knows: one that asks a service has no height and no threads.
-    takes = inspect.signature(found.load("pose", pose.backend)).parameters
-    every = any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes.values())
-    common: dict[str, float] = {"threads": threads}
-    given = {"height": pose.height, "score": pose.score}
-    common |= {name: value for name, value in given.items() if value is not None}
-    options = {name: value for name, value in common.items() if every or name in takes}
+    pose, plugins = settings.pose, registry()
+    shared = {"threads": threads, "height": pose.height, "score": pose.score}
+    options = {
+        key: value
+        for key, value in shared.items()
+        if value is not None and plugins.takes("pose", pose.backend, key)
+    }
     options |= settings.plugin_options(pose.backend)
-    backend: PoseBackend = found.make("pose", pose.backend, options, model=find_model(pose.model))
+    backend: PoseBackend = plugins.make("pose", pose.backend, options, model=find_model(pose.model))
     return backend
 
 
@@ -75,10 +72,9 @@ def extract_poses(
     people : "single" or "multi"
         One sequence with the most visible person of each frame, or one for each person tracked.
     follow : bool, optional
-        Crop to the person and follow them; None lets the network's contract decide. Only with
-        ``people="single"``.
+        Crop to the person and follow them; None lets the backend decide. Only with ``people="single"``.
     steady : bool, optional
-        Choose every limb for all frames together (`gesture_core.pose.steady`); None lets the backend
+        Choose every limb for all frames together (`gesture_core.pose.temporal`); None lets the backend
         decide, which does unless its option ``steady`` says no. Only with ``people="single"``.
     source : str
         What to call the input.
@@ -94,60 +90,140 @@ def extract_poses(
     GestureError
         Whatever the backend or the reader raises; no partial result is returned.
     """
-    stream = iter(frames)
-    times: list[float] = []
-    size: tuple[int, int] | None = None
     body = skeleton(backend.skeleton)
     joints = len(body.joints)
+    if follow is None:
+        follow = isinstance(backend, CropFollowing) and backend.follow
     if steady is None:
-        steady = bool(getattr(backend, "steady", True))
-    chooser = Steady(body) if steady and people == "single" else None
-    peaks: list[np.ndarray] = []
+        steady = backend.steady if isinstance(backend, TemporalChoice) else True
+    follower = Follower(backend) if follow and people == "single" else None
+    choice = JointChoice(body) if steady and people == "single" else None
+    tracker = Tracker(joints) if people == "multi" else None
+    size: tuple[int, int] | None = None
+    times: list[float] = []
     points: list[np.ndarray] = []
     scores: list[np.ndarray] = []
-    tracker = Tracker(joints)
-    if follow is None:
-        follow = bool(getattr(getattr(backend, "contract", None), "follow", False))
-    follower = Follower(backend) if follow and people == "single" else None
-    for batch in _batches(stream, backend.batch_size):
+    peaks: list[np.ndarray] = []
+    stream = iter(frames)
+    while batch := list(islice(stream, backend.batch_size)):
         pictures = [frame for _, frame in batch]
         times += [time for time, _ in batch]
-        if size is None:
-            size = pictures[0].shape[1], pictures[0].shape[0]
-        if people == "multi":
-            for everybody in backend.estimate(pictures, people):
-                tracker.add(everybody)
-            continue
-        best = (
-            follower.estimate(pictures)
-            if follower
-            else [found[0] if found else None for found in backend.estimate(pictures, people)]
-        )
+        size = size or (pictures[0].shape[1], pictures[0].shape[0])
+        best: Sequence[Person | None]
+        if follower:
+            best = follower.estimate(pictures)
+        else:
+            found = backend.estimate(pictures, people)
+            if tracker:
+                for everybody in found:
+                    tracker.add(everybody)
+                continue
+            best = [everybody[0] if everybody else None for everybody in found]
         for person in best:
             points.append(person.keypoints if person else np.full((joints, 2), np.nan))
             scores.append(person.scores if person else np.zeros(joints))
-            if chooser:
-                peaks.append(chooser.peaks_of(person))
+            if choice:
+                peaks.append(choice.peaks_of(person))
     provenance = {
         "people": people,
         "follow": str(follower is not None),
-        "steady": str(chooser is not None),
+        "steady": str(choice is not None),
+        **(backend.provenance if isinstance(backend, Traceable) else {}),
     }
-    provenance |= getattr(backend, "provenance", {})
     at = np.array(times, np.float64)
-    if people == "multi":
+    if tracker:
         return [
             PoseSequence(p, s, at[first : first + len(p)], backend.skeleton, size, i, source, provenance)
             for i, (first, p, s) in enumerate(tracker.tracks())
         ]
     if not times:
         return []
-    where, sure = np.stack(points), np.stack(scores)
-    if chooser:
-        where, sure = chooser.choose(where, sure, np.stack(peaks), at)
-    return [PoseSequence(where, sure, at, backend.skeleton, size, 0, source, provenance)]
+    where, certain = np.stack(points), np.stack(scores)
+    if choice:
+        where, certain = choice.choose(where, certain, np.stack(peaks), at)
+    return [PoseSequence(where, certain, at, backend.skeleton, size, 0, source, provenance)]
 
 
-def _batches(stream: Iterator[Frame], size: int) -> Iterator[list[Frame]]:
-    while batch := list(islice(stream, size)):
-        yield batch
+@dataclass
+class _Track:
+    """One person so far: the numbers of the first and the last frame, and the latest place of each joint."""
+
+    first: int
+    last: int
+    latest: np.ndarray
+    points: list[np.ndarray] = field(default_factory=list)
+    scores: list[np.ndarray] = field(default_factory=list)
+
+
+class Tracker:
+    """Joins the people of each frame into tracks over time, by the distance of the joints that both show.
+
+    Parameters
+    ----------
+    joints : int
+    reach : float
+        A person continues a track within this distance, in units of the person's extent.
+    patience : int
+        Frames for which a track may be unseen and still go on.
+    shortest : int
+        Tracks seen in fewer frames are dropped as false finds.
+    """
+
+    def __init__(self, joints: int, reach: float = 0.35, patience: int = 15, shortest: int = 5) -> None:
+        self.joints = joints
+        self.reach = reach
+        self.patience = patience
+        self.shortest = shortest
+        self._frame = 0
+        self._open: list[_Track] = []
+        self._closed: list[_Track] = []
+
+    def add(self, people: Sequence[Person]) -> None:
+        """Take the people of the next frame."""
+        from scipy.optimize import linear_sum_assignment
+
+        self._close(self._frame - self.patience)
+        cost = np.full((len(self._open), len(people)), 1e6)
+        for i, track in enumerate(self._open):
+            for j, person in enumerate(people):
+                cost[i, j] = _distance(track.latest, person.keypoints)
+        track_of: dict[int, _Track] = {}
+        for i, j in zip(*linear_sum_assignment(cost), strict=True):
+            if cost[i, j] <= self.reach:
+                track_of[int(j)] = self._open[i]
+        for j, person in enumerate(people):
+            if j not in track_of:
+                track_of[j] = _Track(self._frame, self._frame, np.full((self.joints, 2), np.nan))
+                self._open.append(track_of[j])
+            track = track_of[j]
+            missed = self._frame - track.first - len(track.points)
+            track.points += [np.full((self.joints, 2), np.nan, np.float32)] * missed + [person.keypoints]
+            track.scores += [np.zeros(self.joints, np.float32)] * missed + [person.scores]
+            track.last = self._frame
+            # A joint that is hidden now is remembered where it was last seen.
+            track.latest = np.where(np.isnan(person.keypoints), track.latest, person.keypoints)
+        self._frame += 1
+
+    def tracks(self) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """(first frame, keypoints (T, J, 2), scores (T, J)) of each track, the largest sum first."""
+        self._close(self._frame)
+        return [
+            (track.first, np.stack(track.points), np.stack(track.scores))
+            for track in sorted(self._closed, key=lambda t: (-float(np.sum(t.scores)), t.first))
+        ]
+
+    def _close(self, before: int) -> None:
+        """Set the tracks aside that were last seen before a frame."""
+        over = [track for track in self._open if track.last < before]
+        self._open = [track for track in self._open if track.last >= before]
+        shortest = min(self.shortest, self._frame)
+        self._closed += [t for t in over if sum(s.any() for s in t.scores) >= shortest]
+
+
+def _distance(one: np.ndarray, two: np.ndarray) -> float:
+    """Mean distance of common joints over the extent of the larger person; large where none is common."""
+    common = ~np.isnan(one[:, 0]) & ~np.isnan(two[:, 0])
+    if not common.any():
+        return 1e6
+    extent = max(float(np.nanmax(np.ptp(p[~np.isnan(p[:, 0])], axis=0))) for p in (one, two))
+    return float(np.linalg.norm(one[common] - two[common], axis=1).mean()) / max(extent, 1.0)

@@ -16,156 +16,233 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import Person, PoseBackend
-from gesture_core.pose.body import Anatomy, Body, Window
-from gesture_core.pose.contracts import ModelContract
-from gesture_core.skeletons import skeleton
+from gesture_core.plugin.interfaces import CropFollowing, Person, PoseBackend
+from gesture_core.pose.contract import ModelContract
+from gesture_core.skeletons import Skeleton, skeleton
+
+# Rough proportions of an adult in torso lengths (shoulders to hips; cf. Drillis and Contini 1966): a raised
+# hand ends 1.5 above the shoulders, the feet 2.8 below them; the shoulders are 0.75 wide. How far a
+# joint may lie from the middle of the shoulders has some room on top, because the torso is judged by
+# two or four joints.
+ABOVE, BELOW = 1.5, 2.8
+REACH = ABOVE + BELOW
+SHOULDERS = 0.75
+_FARTHEST = {
+    "nose": 1.0, "head_top": 1.3, "neck": 0.5, "shoulder": np.inf, "elbow": 1.2, "wrist": 2.0, "hip": 1.6
+}  # fmt: skip
+_LEAST = 32
+"""Pixels: nobody can be recognised in less."""
+
+# Confidences are mean scores in 0..1.
+CERTAIN = 0.65
+"""Confidence from which a find needs no further search."""
+LOST = 0.5
+"""Confidence below which the person is searched for again, as a share of the confidence so far."""
+NOBODY = 0.15
+"""Confidence below which nobody is there."""
+TILE = 0.6
+"""Side of the tiles of the search over the shorter side of the picture."""
+GAIN = 0.1
+"""Confidence that a tile must add: a part of a large person may pass for a small one."""
+ZOOMS = 2
+"""Times that a find is looked at again in a window of its own."""
+PAUSE = 16
+"""Frames between two searches while nobody is found."""
+RECHECK = 250
+"""Frames after which a person of whom the network is not certain is searched for again."""
+DRIFT = 0.08
+"""The window is moved once the body has moved or grown by this share of the window."""
 
 
 @dataclass(frozen=True)
-class FollowRules:
-    """How closely a person is followed.
+class Body:
+    """Where a body is, in pixels: the middle of all that it can reach, its torso length, its shoulders."""
 
-    Attributes
-    ----------
-    size : float or None
-        Side of the window over the reach of the body (raised hand to foot); None takes the one of
-        the network's contract.
-    sure : float
-        Confidence from which a find needs no further search.
-    lost : float
-        Confidence below which the person is searched for again, as a share of the confidence so far.
-    nobody : float
-        Confidence below which nobody is there.
-    tiles : tuple of float
-        Sides of the tiles of the search over the shorter side of the picture.
-    gain : float
-        Confidence that a tile must add: a part of a large person may pass for a small one.
-    zooms : int
-        Times that a find is looked at again in a window of its own.
-    rest : int
-        Frames between two searches while nobody is found.
-    doubt : int
-        Frames after which a person of whom the network is not sure is searched for again.
-    drift : float
-        The window is moved once the body has moved or grown by this share of the window.
-    """
+    x: float
+    y: float
+    torso: float
+    shoulders: tuple[float, float] = (0.0, 0.0)
 
-    size: float | None = None
-    sure: float = 0.65
-    lost: float = 0.5
-    nobody: float = 0.15
-    tiles: tuple[float, ...] = (0.6,)
-    gain: float = 0.1
-    zooms: int = 2
-    rest: int = 16
-    doubt: int = 250
-    drift: float = 0.08
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle of whole pixels, half open."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @classmethod
+    def around(cls, body: Body, size: float, frame_size: tuple[int, int]) -> Window:
+        """The square of `size` times the body's reach around it, as far as it lies in the frame."""
+        half = 0.5 * size * REACH * body.torso
+        wide, high = frame_size
+        least = min(_LEAST, wide, high)
+        left = int(np.clip(round(body.x - half), 0, wide - least))
+        top = int(np.clip(round(body.y - half), 0, high - least))
+        right = int(np.clip(round(body.x + half), left + least, wide))
+        bottom = int(np.clip(round(body.y + half), top + least, high))
+        # Even sides are halved exactly, and so fast, where the view is scaled down.
+        right, bottom = right - (right - left) % 2, bottom - (bottom - top) % 2
+        return cls(left, top, max(right, left + 1), max(bottom, top + 1))
+
+    def view(self, frame: np.ndarray) -> np.ndarray:
+        """That part of the frame; no pixel is copied."""
+        return frame[self.top : self.bottom, self.left : self.right]
+
+    def back(self, person: Person) -> Person:
+        """A person found in `view`, in pixels of the frame."""
+        offset = np.array((self.left, self.top, 0), np.float32)
+        peaks = None if person.peaks is None else person.peaks + offset
+        return Person(person.keypoints + offset[:2], person.scores, peaks)
+
+
+class Anatomy:
+    """The joints of a skeleton that say where a body is."""
+
+    def __init__(self, layout: Skeleton) -> None:
+        self._shoulders = [layout.index("right_shoulder"), layout.index("left_shoulder")]
+        self._hips = [layout.index("right_hip"), layout.index("left_hip")]
+        self._upper: list[int] = []
+        self._farthest: list[float] = []
+        for i, joint in enumerate(layout.joints):
+            part = joint.removeprefix("left_").removeprefix("right_")
+            if part in _FARTHEST:
+                self._upper.append(i)
+                self._farthest.append(_FARTHEST[part])
+
+    def confidence(self, person: Person | None) -> float:
+        """Mean score of head, arms and hips, 0 for nobody.
+
+        Joints that no body of this size could reach do not count: some networks are as sure of a
+        wrist on the far wall as of one on an arm.
+        """
+        body = self.body(person)
+        if person is None or body is None:
+            return 0.0
+        scores = person.scores[self._upper]
+        away = np.linalg.norm(person.keypoints[self._upper] - body.shoulders, axis=1) / body.torso
+        return float(np.where(away <= self._farthest, scores, 0).mean())
+
+    def body(self, person: Person | None) -> Body | None:
+        """The body of a person, None where no shoulder was found.
+
+        Without hips the torso is judged by the shoulders, and the body is taken to be upright.
+        """
+        if person is None:
+            return None
+        points = person.keypoints
+        shoulders, hips = points[self._shoulders], points[self._hips]
+        seen = ~np.isnan(shoulders[:, 0])
+        if not seen.any():
+            return None
+        middle = shoulders[seen].mean(0)
+        across = float(np.linalg.norm(shoulders[0] - shoulders[1])) if seen.all() else 0.0
+        torso, down = across / SHOULDERS, np.array([0.0, 1.0])
+        if not np.isnan(hips[:, 0]).all():
+            line = np.nanmean(hips, axis=0) - middle
+            length = float(np.linalg.norm(line))
+            # A person who bends forward or turns aside has not become smaller: the larger of both.
+            if length > 0.5 * torso:
+                torso, down = max(length, torso), line / max(length, 1e-6)
+        if torso < 2:
+            return None
+        centre = middle + down * torso * (BELOW - ABOVE) / 2
+        return Body(float(centre[0]), float(centre[1]), torso, (float(middle[0]), float(middle[1])))
 
 
 class Follower:
-    """Finds one person in each frame of a video, given in order.
+    """Finds one person in each frame of a video, given in order."""
 
-    Parameters
-    ----------
-    backend : PoseBackend
-    rules : FollowRules
-    """
-
-    def __init__(self, backend: PoseBackend, rules: FollowRules | None = None) -> None:
+    def __init__(self, backend: PoseBackend) -> None:
         self.backend = backend
-        self.rules = rules or FollowRules()
         self.anatomy = Anatomy(skeleton(backend.skeleton))
-        contract: ModelContract | None = getattr(backend, "contract", None)
-        self.size: float = self.rules.size or (contract.crop if contract else ModelContract.crop)
+        self.size = backend.crop if isinstance(backend, CropFollowing) else ModelContract.crop
         self.searches = 0
         self._window: Window | None = None
         self._level = 0.0
-        self._resting = 0
-        self._since = 0
+        self._pause = 0
+        self._since_search = 0
 
     def estimate(self, frames: Sequence[np.ndarray]) -> list[Person | None]:
         """The person in each of ``frames``, (H, W, 3) uint8 in BGR, which follow those given before."""
         found: list[Person | None] = []
         while len(found) < len(frames):
             rest = frames[len(found) :]
-            doubtful = self._level < self.rules.sure and self._since >= self.rules.doubt
-            if self._window is None or doubtful:
+            uncertain = self._level < CERTAIN and self._since_search >= RECHECK
+            if self._window is None or uncertain:
                 self._window = self._search(rest[0])
             people = self._look(rest, self._window)
             end = self._until_lost(people)
-            if end == 0 and self._resting == 0:
-                # Lost in the very first frame of this window: search, and take what comes.
+            if end == 0:  # lost in the very first frame of this window: search, and take what comes
                 self._window = self._search(rest[0])
                 people = self._look(rest, self._window)
-                self._resting = self.rules.rest
-                end = max(1, self._until_lost(people))
-            kept = people[: end or len(people)]
-            found += kept
-            self._resting = max(0, self._resting - len(kept))
-            self._since += len(kept)
-            self._move(kept, frames[0])
+                self._pause = PAUSE
+                end = len(people)
+            found += people[:end]
+            self._pause = max(0, self._pause - end)
+            self._since_search += end
+            self._window = self._moved(self._window, people[:end], frames[0])
         return found
 
     def _look(self, frames: Sequence[np.ndarray], window: Window) -> list[Person | None]:
-        views = [window.view(frame) for frame in frames]
-        return [window.back(found[0]) if found else None for found in self.backend.estimate(views)]
+        found = self.backend.estimate([window.view(frame) for frame in frames])
+        return [window.back(people[0]) if people else None for people in found]
 
     def _until_lost(self, people: Sequence[Person | None]) -> int:
-        """Number of leading frames in which the person is still there; all of them while resting."""
-        if self._resting:
-            return len(people)
-        floor = max(self.rules.lost * self._level, self.rules.nobody)
+        """Number of leading frames in which the person is still there; all of them during a pause."""
+        floor = max(LOST * self._level, NOBODY)
         for i, person in enumerate(people):
-            if self.anatomy.confidence(person) < floor:
+            if not self._pause and self.anatomy.confidence(person) < floor:
                 return i
         return len(people)
 
-    def _move(self, people: Sequence[Person | None], frame: np.ndarray) -> None:
-        """Set the window for the next frames, and the confidence that they are measured by."""
-        assert self._window is not None
+    def _moved(self, window: Window, people: Sequence[Person | None], frame: np.ndarray) -> Window:
+        """The window for the next frames; sets the confidence that they are measured by."""
         level = float(np.mean([self.anatomy.confidence(person) for person in people]))
         self._level = 0.7 * self._level + 0.3 * level if self._level else level
         bodies = [body for person in people if (body := self.anatomy.body(person)) is not None]
-        if not bodies or level < self.rules.nobody:
-            return
+        if not bodies or level < NOBODY:
+            return window
         # The latest place, but the usual size: a person turning aside does not shrink. Medians,
         # so that one frame in which left and right are confused does not move the window.
-        latest = bodies[len(bodies) // 2 :]
-        x, y = (float(np.median([getattr(body, axis) for body in latest])) for axis in "xy")
-        torso = float(np.median([body.torso for body in bodies]))
-        wanted = self._around(Body(x, y, torso), frame)
-        now = self._window
-        slack = self.rules.drift * max(now.size)
-        edges = zip(
-            (wanted.left, wanted.top, wanted.right, wanted.bottom),
-            (now.left, now.top, now.right, now.bottom),
-            strict=True,
+        places = np.array([(body.x, body.y, body.torso) for body in bodies])
+        x, y = np.median(places[len(places) // 2 :, :2], axis=0)
+        body = Body(float(x), float(y), float(np.median(places[:, 2])))
+        wanted = Window.around(body, self.size, (frame.shape[1], frame.shape[0]))
+        slack = DRIFT * max(window.right - window.left, window.bottom - window.top)
+        moved = (
+            abs(wanted.left - window.left),
+            abs(wanted.top - window.top),
+            abs(wanted.right - window.right),
+            abs(wanted.bottom - window.bottom),
         )
-        if any(abs(a - b) > slack for a, b in edges):
-            self._window = wanted
-
-    def _around(self, body: Body, frame: np.ndarray) -> Window:
-        return Window.around(body, self.size, (frame.shape[1], frame.shape[0]))
+        return wanted if max(moved) > slack else window
 
     def _search(self, frame: np.ndarray) -> Window:
         """The window around the best person in the frame; the whole frame where nobody is."""
         self.searches += 1
-        self._since = 0
-        whole = Window.whole((frame.shape[1], frame.shape[0]))
+        self._since_search = 0
+        high, wide = frame.shape[:2]
+        whole = Window(0, 0, wide, high)
         window, confidence = self._zoom(frame, whole)
-        if self._window is not None and confidence < self.rules.sure:
+        if self._window is not None and confidence < CERTAIN:
             kept, before = self._zoom(frame, self._window)
             if before > confidence:
                 window, confidence = kept, before
-        if confidence < self.rules.sure:
-            tiles = self._tiles(whole.size)
-            views = [tile.view(frame) for tile in tiles]
-            people = [found[0] if found else None for found in self.backend.estimate(views)]
-            order = np.argsort([-self.anatomy.confidence(person) for person in people], kind="stable")
-            for i in order[:3]:
-                again, better = self._zoom(frame, tiles[int(i)])
-                if better > confidence + self.rules.gain:
+        if confidence < CERTAIN:
+            side = max(_LEAST, round(TILE * min(wide, high)))
+            tiles = [
+                Window(left, top, min(left + side, wide), min(top + side, high))
+                for top in _starts(high, side)
+                for left in _starts(wide, side)
+            ]
+            seen = self.backend.estimate([tile.view(frame) for tile in tiles])
+            levels = [self.anatomy.confidence(people[0] if people else None) for people in seen]
+            for i in np.argsort(np.negative(levels), kind="stable")[:3]:
+                again, better = self._zoom(frame, tiles[i])
+                if better > confidence + GAIN:
                     window, confidence = again, better
         self._level = confidence
         return window if confidence > 0 else whole
@@ -173,7 +250,7 @@ class Follower:
     def _zoom(self, frame: np.ndarray, window: Window) -> tuple[Window, float]:
         """Follow a find in `window` into a window of its own; the window with the highest confidence."""
         best, highest = window, 0.0
-        for _ in range(self.rules.zooms + 1):
+        for _ in range(ZOOMS + 1):
             person = self._look([frame], window)[0]
             confidence = self.anatomy.confidence(person)
             if confidence >= highest:
@@ -181,20 +258,10 @@ class Follower:
             body = self.anatomy.body(person)
             if body is None:
                 break
-            window = self._around(body, frame)
+            window = Window.around(body, self.size, (frame.shape[1], frame.shape[0]))
             if window == best:
                 break
         return best, highest
-
-    def _tiles(self, frame_size: tuple[int, int]) -> list[Window]:
-        wide, high = frame_size
-        found = []
-        for share in self.rules.tiles:
-            side = max(32, round(share * min(wide, high)))
-            for top in _starts(high, side):
-                for left in _starts(wide, side):
-                    found.append(Window(left, top, min(left + side, wide), min(top + side, high)))
-        return found
 
 
 def _starts(length: int, side: int) -> list[int]:

@@ -6,26 +6,112 @@ fills in two methods, so that all backends give the same keypoints on the same f
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from gesture_core.errors import ModelError, PoseError
 from gesture_core.plugin.interfaces import Person
-from gesture_core.pose.contracts import ModelContract
-from gesture_core.pose.decode import Found, decode
-from gesture_core.pose.fields import AssemblyRules
-from gesture_core.pose.layouts import Tensor, infer_contract
-from gesture_core.pose.letterbox import Letterbox, input_size, to_batch
-from gesture_core.pose.model_file import ModelFile
-from gesture_core.pose.sighting import Sighting
+from gesture_core.pose.contract import ModelContract, Tensor, infer_contract
+from gesture_core.pose.decode import decode
+from gesture_core.pose.models import ModelFile
+from gesture_core.pose.onnx_header import OnnxHeader, read_header
 
-PEOPLE = ("single", "multi")
+MAX_ASPECT = 3.0
+"""A free input is at most this much wider than high; wider pictures are letterboxed into it."""
+
+
+@dataclass(frozen=True)
+class Letterbox:
+    """How a picture lies in the network's input: scaled, then moved by `left`, `top`.
+
+    Both ends count coordinates from the centre of the first pixel, as cv2.resize does, so that
+    ``input = (picture + 0.5) * scale - 0.5 + offset``. All sizes are in pixels.
+    """
+
+    width: int
+    height: int
+    scale_x: float
+    scale_y: float
+    left: int
+    top: int
+    inner_width: int
+    inner_height: int
+
+    @classmethod
+    def fit(cls, frame_size: tuple[int, int], input_size: tuple[int, int]) -> Letterbox:
+        """The largest undistorted, centred copy of a (width, height) picture in (height, width)."""
+        width, height = frame_size
+        high, wide = input_size
+        scale = min(wide / width, high / height)
+        inner_width = min(wide, max(1, round(width * scale)))
+        inner_height = min(high, max(1, round(height * scale)))
+        left, top = (wide - inner_width) // 2, (high - inner_height) // 2
+        scales = inner_width / width, inner_height / height
+        return cls(wide, high, *scales, left, top, inner_width, inner_height)
+
+    def back(self, points: np.ndarray) -> np.ndarray:
+        """(..., 2) points of the input as points of the picture."""
+        scale = np.array([self.scale_x, self.scale_y], np.float32)
+        offset = np.array([self.left, self.top], np.float32)
+        return ((points - offset + 0.5) / scale - 0.5).astype(np.float32)
+
+
+def input_size(contract: ModelContract, frame_size: tuple[int, int], size: int | None) -> tuple[int, int]:
+    """(height, width) of the input for a (width, height) picture.
+
+    A free input has the height `size` and the picture's aspect ratio, both rounded up to the
+    network's multiple, as OpenPose does (``net_resolution -1x368``).
+    """
+    if contract.input_size is not None:
+        return contract.input_size
+    step = contract.multiple
+    width, height = frame_size
+    high = math.ceil((size or contract.default_size) / step) * step
+    wide = math.ceil(round(high * min(width / height, MAX_ASPECT)) / step) * step
+    return high, max(wide, step)
+
+
+def to_batch(frames: Sequence[np.ndarray], box: Letterbox, contract: ModelContract) -> np.ndarray:
+    """The input of the network for ``frames``, (H, W, 3) uint8 in BGR, all of one size.
+
+    Returns
+    -------
+    (N, 3, H, W) or (N, H, W, 3) array of the contract's dtype
+    """
+    import cv2
+
+    pictures = np.full((len(frames), box.height, box.width, 3), contract.pad, np.uint8)
+    wide, high = box.inner_width, box.inner_height
+    for picture, frame in zip(pictures, frames, strict=True):
+        # Halved by averaging as long as possible, then interpolated: interpolation alone would drop thin
+        # limbs, and averaging to any size takes six times as long.
+        while frame.shape[1] >= 2 * wide and frame.shape[0] >= 2 * high:
+            half = frame.shape[1] // 2, frame.shape[0] // 2
+            frame = cv2.resize(frame, half, interpolation=cv2.INTER_AREA)
+        inner = picture[box.top : box.top + high, box.left : box.left + wide]
+        inner[...] = cv2.resize(frame, (wide, high), interpolation=cv2.INTER_LINEAR)
+    order = (0, 1, 2) if contract.colour == "bgr" else (2, 1, 0)
+    size = (box.height, box.width)
+    batch = np.empty(
+        (len(frames), 3, *size) if contract.channels_first else (len(frames), *size, 3), contract.dtype
+    )
+    for target, channel in enumerate(order):
+        plane = batch[:, target] if contract.channels_first else batch[..., target]
+        plane[...] = pictures[..., channel]
+        if contract.mean[target]:
+            plane -= contract.mean[target]
+        if contract.scale[target] != 1:
+            plane *= contract.scale[target]
+    return batch
 
 
 class NetworkBackend(ABC):
-    """A pose backend around one network.
+    """A pose backend around one network: a `PoseBackend` with all optional abilities.
 
     Parameters
     ----------
@@ -39,11 +125,18 @@ class NetworkBackend(ABC):
     threads : int
         Of the runtime; 0 leaves it to the runtime.
     steady : bool
-        Whether the limbs of a video are chosen for all frames together (`gesture_core.pose.steady`).
+        Whether the limbs of a video are chosen for all frames together (`gesture_core.pose.temporal`).
+
+    Raises
+    ------
+    ModelError
+        Where the file changed, is no network, keeps weights in other files, or has an unknown layout.
     """
 
-    name = ""
+    name: ClassVar[str] = ""
     """Name of the backend, for provenance."""
+    runtime: ClassVar[str] = ""
+    """Name and version of what runs the network, for provenance."""
 
     def __init__(
         self,
@@ -68,46 +161,33 @@ class NetworkBackend(ABC):
         self.height = height
         self.threads = threads
         self.steady = steady
-        self.open(model)
-        self.contract = model.contract or self._probe()
+        # The bytes that are checked are the bytes that run: the file is not opened again.
+        data = model.read()
+        is_onnx = model.path.suffix.lower() == ".onnx"
+        self.header: OnnxHeader | None = read_header(data, str(model.path)) if is_onnx else None
+        self.open(data)
+        self.contract = model.contract or self._contract_of_a_run()
+        self.follow, self.crop = self.contract.follow, self.contract.crop
         self.score = self.contract.score if score is None else score
-        self.rules = AssemblyRules(peak=max(self.score, 0.05))
         self.batch_size = self.contract.batch or batch_size
         self.skeleton = self.contract.skeleton
+        free = height or self.contract.default_size
+        self.provenance = {
+            "backend": self.name,
+            "runtime": self.runtime,
+            "model": model.name,
+            "model_sha256": model.sha256,
+            "score": repr(self.score),
+            "height": str(self.contract.input_size[0] if self.contract.input_size else free),
+        }
 
     @abstractmethod
-    def open(self, model: ModelFile) -> None:
-        """Load the network, once; a ModelError where the runtime cannot."""
+    def open(self, data: bytes) -> None:
+        """Load the network of `model`, once, from the bytes of its file; a ModelError where that fails."""
 
     @abstractmethod
     def run(self, batch: np.ndarray) -> list[np.ndarray]:
         """Outputs of the network for one batch of its input."""
-
-    @abstractmethod
-    def declared_input(self) -> Tensor | None:
-        """Name, type and shape of the input where the runtime knows them."""
-
-    @property
-    @abstractmethod
-    def version(self) -> str:
-        """Version of the runtime."""
-
-    @property
-    def provenance(self) -> dict[str, str]:
-        """What made the keypoints, all of it as text."""
-        return {
-            "backend": self.name,
-            "runtime": self.version,
-            "model": self.model.name,
-            "model_sha256": self.model.sha256,
-            "score": repr(self.score),
-            "height": str(self.contract.input_size[0] if self.contract.input_size else self.free_height),
-        }
-
-    @property
-    def free_height(self) -> int:
-        """Pixels of the input's height where the network takes any."""
-        return self.height or self.contract.default_size
 
     def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
         """People in each of ``frames``, each (H, W, 3) uint8 in BGR, best person first.
@@ -118,78 +198,71 @@ class NetworkBackend(ABC):
             ``E_POSE_FRAME`` for an array that is no frame, ``E_POSE_PEOPLE`` for ``people`` that
             this network cannot give.
         """
-        if people not in PEOPLE:
-            raise PoseError(f"people = {people!r}", remedy=" or ".join(PEOPLE), code="E_POSE_PEOPLE")
+        if people not in ("single", "multi"):
+            raise PoseError(f"people = {people!r}", remedy="single or multi", code="E_POSE_PEOPLE")
+        for frame in frames:
+            if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8 or 0 in frame.shape:
+                raise PoseError(
+                    f"a frame has shape {frame.shape} and type {frame.dtype}, expected (H, W, 3) uint8",
+                    code="E_POSE_FRAME",
+                )
         found: list[list[Person]] = []
-        start = 0
-        while start < len(frames):
-            shape = _checked(frames[start]).shape
-            end = start + 1
-            while end < len(frames) and end - start < self.batch_size and frames[end].shape == shape:
+        while len(found) < len(frames):
+            start = end = len(found)  # a batch holds frames of one size
+            while (
+                end < min(start + self.batch_size, len(frames)) and frames[end].shape == frames[start].shape
+            ):
                 end += 1
-            found += self._batch([_checked(frame) for frame in frames[start:end]], people)
-            start = end
+            found += self._batch(frames[start:end], people)
         return found
 
     def _batch(self, frames: Sequence[np.ndarray], people: str) -> list[list[Person]]:
-        high, wide = frames[0].shape[:2]
-        size = input_size(self.contract, (wide, high), self.height)
-        box = Letterbox.fit((wide, high), size)
-        outputs = self._run(to_batch(frames, box, self.contract))
-        pictures = decode(outputs, self.contract, size, people, self.rules)
-        return [[self._person(one, box, (wide, high)) for one in picture] for picture in pictures]
-
-    def _run(self, batch: np.ndarray) -> list[np.ndarray]:
-        """The outputs for a batch of at most `batch_size`, filled up where the file fixes their number."""
+        frame_size = frames[0].shape[1], frames[0].shape[0]
+        size = input_size(self.contract, frame_size, self.height)
+        box = Letterbox.fit(frame_size, size)
+        batch = to_batch(frames, box, self.contract)
         lacking = (self.contract.batch or len(batch)) - len(batch)
-        if not lacking:
-            return self.run(batch)
-        filled = np.concatenate([batch, np.repeat(batch[-1:], lacking, axis=0)])
-        return [output[: len(batch)] for output in self.run(filled)]
+        if lacking:  # the file fixes the number of pictures
+            batch = np.concatenate([batch, np.repeat(batch[-1:], lacking, axis=0)])
+        outputs = self.run(batch)
+        if lacking:
+            outputs = [output[: len(frames)] for output in outputs]
+        pictures = decode(outputs, self.contract, size, people, max(self.score, 0.05))
+        return [[self._in_frame(person, box, frame_size) for person in picture] for picture in pictures]
 
-    def _person(self, found: Found, box: Letterbox, frame_size: tuple[int, int]) -> Person:
-        joints = np.concatenate([found.points, found.scores[:, None]], axis=1)
-        kept = _in_frame(joints, self.score, box, frame_size)
-        points, scores = kept[:, :2], kept[:, 2]
-        if found.peaks is None:
-            return Person(points, scores)
-        return Sighting(points, scores, _in_frame(found.peaks, 0.0, box, frame_size))
+    def _in_frame(self, person: Person, box: Letterbox, frame_size: tuple[int, int]) -> Person:
+        """A person of the input in pixels of the frame; joints outside it or below the score are missing."""
+        joints = np.concatenate([person.keypoints, person.scores[:, None]], axis=1)[:, None]
+        if person.peaks is not None:
+            joints = np.concatenate([joints, person.peaks], axis=1)
+        # A peak may be lower than a joint that counts by itself.
+        least = np.array([self.score] + [0] * (joints.shape[1] - 1), np.float32)
+        points, scores = box.back(joints[..., :2]), joints[..., 2]
+        size = np.array(frame_size)
+        # A peak in the border that letterboxing added is a joint outside the picture: a guess.
+        slack = 0.02 * max(frame_size)
+        inside = (points > -slack).all(-1) & (points < size + slack).all(-1)
+        kept = (scores >= least) & inside
+        clipped = np.clip(points, 0, (size - 1).astype(np.float32))
+        places = np.where(kept[..., None], clipped, np.float32(np.nan))
+        sure = np.where(kept, scores, np.float32(0))
+        found = np.concatenate([places, sure[..., None]], axis=-1)
+        peaks = None if person.peaks is None else found[:, 1:]
+        # Copies, so that the joints do not keep the peaks in memory.
+        return Person(found[:, 0, :2].copy(), found[:, 0, 2].copy(), peaks)
 
-    def _probe(self) -> ModelContract:
+    def _contract_of_a_run(self) -> ModelContract:
         """The contract of a network that no header describes, from one run on a grey picture."""
-        declared = self.declared_input() or Tensor("input", "float32", (None, 3, 368, 368))
+        declared = Tensor("input", "float32", (None, 3, 368, 368))
+        if self.header is not None and self.header.inputs:
+            declared = self.header.inputs[0]
         shape = [1 if i == 0 else (n or 256) for i, n in enumerate(declared.shape)]
         if len(shape) != 4 or 3 not in (shape[1], shape[3]):
-            infer_contract([declared], [], str(self.model.path))
+            infer_contract([declared], [], str(self.model.path))  # which says what is wrong with it
         try:
-            grey = np.full(shape, 128, declared.dtype)
-            outputs = self.run(grey)
+            outputs = self.run(np.full(shape, 128, declared.dtype))
         except TypeError as error:
             raise ModelError(
                 f"input of type {declared.dtype}", subject=str(self.model.path), code="E_MODEL_INPUT"
             ) from error
         return infer_contract([declared], [out.shape for out in outputs], str(self.model.path))
-
-
-def _in_frame(joints: np.ndarray, least: float, box: Letterbox, frame_size: tuple[int, int]) -> np.ndarray:
-    """(..., 3) x, y, score of the input in pixels of the frame; NaN, NaN, 0 outside and below ``least``."""
-    points, scores = box.back(joints[..., :2]), joints[..., 2]
-    wide, high = frame_size
-    # A peak in the border that letterboxing added is a joint outside the picture: a guess.
-    slack = 0.02 * max(wide, high)
-    inside = (points > -slack).all(-1) & (points < np.array([wide, high]) + slack).all(-1)
-    kept = (scores >= least) & inside
-    out = np.empty(joints.shape, np.float32)
-    limit = np.array([wide - 1, high - 1], np.float32)
-    out[..., :2] = np.where(kept[..., None], np.clip(points, 0, limit), np.nan)
-    out[..., 2] = np.where(kept, scores, 0)
-    return out
-
-
-def _checked(frame: np.ndarray) -> np.ndarray:
-    if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8 or 0 in frame.shape:
-        raise PoseError(
-            f"a frame has shape {frame.shape} and type {frame.dtype}, expected (H, W, 3) uint8",
-            code="E_POSE_FRAME",
-        )
-    return frame

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from gesture_core.classify.evaluation import Answer, Evaluation
-from gesture_core.report.plots import BLUE, ORANGE, new_figure, save
+from gesture_core.files import replacing
+from gesture_core.report.style import BY_DISTANCE, BY_MARGIN, new_figure, save
 
 
 def confusion_plot(evaluation: Evaluation, path: Path) -> Path:
@@ -46,7 +47,10 @@ def rejection_plot(evaluation: Evaluation, path: Path) -> Path:
     figure = new_figure(5.2, 3.6)
     axes = figure.add_subplot()
     by_margin, by_distance = evaluation.margin_curve(), evaluation.rejection_curve()
-    for curve, colour, name in ((by_margin, BLUE, "by margin"), (by_distance, ORANGE, "by distance")):
+    for curve, colour, name in (
+        (by_margin, BY_MARGIN, "by margin"),
+        (by_distance, BY_DISTANCE, "by distance"),
+    ):
         shares = [100 * c for _, c, _ in curve], [100 * a for _, _, a in curve]
         axes.plot(*shares, color=colour, linewidth=1.8, label=name)
     axes.legend(fontsize=8)
@@ -96,33 +100,40 @@ def thinned(
     return [curve[i] for i in np.linspace(0, len(curve) - 1, points).round().astype(int)]
 
 
-def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> Mapping[str, Path]:
-    """Write `evaluation.json`, `answers.csv`, `confusion.png` and `rejection.png` to ``folder``.
+def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> list[Path]:
+    """Write all numbers to ``evaluation.json`` and each answer to ``answers.csv`` in ``folder``.
 
-    Returns
-    -------
-    mapping
-        The path of each; without ``rejection`` where nothing could be compared.
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from gesture_core import evaluate_archive
+    >>> result = evaluate_archive("examples/", protocol="leave-one-out")
+    >>> [path.name for path in write_evaluation(result.best, result.fingerprint, Path("scores"))]
+    ['evaluation.json', 'answers.csv']
+    """
+    from gesture_core.run.export import CsvWriter
+
+    numbers, answers = folder / "evaluation.json", folder / "answers.csv"
+    with replacing(numbers) as temporary:
+        text = json.dumps(summary(evaluation, fingerprint), indent=1, allow_nan=False)
+        temporary.write_text(text + "\n", "utf-8")
+    columns = ("name", "subject", "fold", "label", "predicted", "right", "distance", "margin", "code")
+    CsvWriter().write((_record(answer) for answer in evaluation.answers), columns, answers)
+    return [numbers, answers]
+
+
+def draw_evaluation(evaluation: Evaluation, folder: Path) -> list[Path]:
+    """Draw ``confusion.png`` in ``folder``, and ``rejection.png`` unless nothing could be compared.
 
     Raises
     ------
     MissingDependencyError
         Where matplotlib is not installed.
     """
-    from gesture_core.files import replacing
-    from gesture_core.run.export import CsvWriter
-
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = {"numbers": folder / "evaluation.json", "answers": folder / "answers.csv"}
-    with replacing(paths["numbers"]) as temporary:
-        text = json.dumps(summary(evaluation, fingerprint), indent=1, allow_nan=False)
-        temporary.write_text(text + "\n", "utf-8")
-    columns = ("name", "subject", "fold", "label", "predicted", "right", "distance", "margin", "code")
-    CsvWriter().write((_record(answer) for answer in evaluation.answers), columns, paths["answers"])
-    paths["confusion"] = confusion_plot(evaluation, folder / "confusion.png")
+    drawn = [confusion_plot(evaluation, folder / "confusion.png")]
     if evaluation.rejection_curve():
-        paths["rejection"] = rejection_plot(evaluation, folder / "rejection.png")
-    return paths
+        drawn.append(rejection_plot(evaluation, folder / "rejection.png"))
+    return drawn
 
 
 def _record(answer: Answer) -> dict[str, Any]:

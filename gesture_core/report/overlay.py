@@ -12,14 +12,18 @@ import numpy as np
 
 from gesture_core.errors import MediaError
 from gesture_core.files import replacing
+from gesture_core.report import style
 from gesture_core.skeletons import Skeleton, skeleton
 from gesture_core.types import PoseSequence
 
 if TYPE_CHECKING:
     from av.video.stream import VideoStream
 
-# Blue, green and red; told apart by people who see few colours (Okabe and Ito 2008).
-RIGHT, LEFT, MIDDLE = (0, 159, 230), (233, 180, 86), (255, 255, 255)
+_SIDES = {
+    side: (int(colour[5:7], 16), int(colour[3:5], 16), int(colour[1:3], 16))
+    for side, colour in (("right", style.RIGHT), ("left", style.LEFT), ("middle", style.MIDDLE))
+}
+"""Blue, green and red of each side of the body."""
 _CLOCK = 90_000
 """Ticks in a second of the video, so that real time stamps are kept."""
 _SAME = 0.0005
@@ -51,15 +55,16 @@ def draw_pose(frame: np.ndarray, keypoints: np.ndarray, bones: Skeleton) -> None
         if seen[a] and seen[b]:
             start, end = tuple(spots[a].tolist()), tuple(spots[b].tolist())
             cv2.line(frame, start, end, (0, 0, 0), thick + 2, cv2.LINE_AA)
-            cv2.line(frame, start, end, _side(second), thick, cv2.LINE_AA)
+            cv2.line(frame, start, end, side_colour(second), thick, cv2.LINE_AA)
     for joint, spot, there in zip(bones.joints, spots.tolist(), seen, strict=True):
         if there:
             cv2.circle(frame, tuple(spot), thick + 1, (0, 0, 0), -1, cv2.LINE_AA)
-            cv2.circle(frame, tuple(spot), thick, _side(joint), -1, cv2.LINE_AA)
+            cv2.circle(frame, tuple(spot), thick, side_colour(joint), -1, cv2.LINE_AA)
 
 
-def _side(joint: str) -> tuple[int, int, int]:
-    return RIGHT if joint.startswith("right_") else LEFT if joint.startswith("left_") else MIDDLE
+def side_colour(joint: str) -> tuple[int, int, int]:
+    """Blue, green and red of a joint, by the side of the body."""
+    return _SIDES.get(joint.partition("_")[0], _SIDES["middle"])
 
 
 def overlay(

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from gesture_core.cores import usable_cores
 from gesture_core.errors import ModelError, PluginError, RunFolderError
 from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.interfaces import Closeable, ExecutionEngine
@@ -189,12 +190,3 @@ def plugin_of(item: Input, settings: Settings) -> Registration:
     if item.kind == "video":
         return registry().find("pose", settings.pose.backend)
     return registry().find("reader", item.reader)
-
-
-def usable_cores() -> int:
-    """Cores that this process may use, where the system says; else all of the machine's."""
-    import os
-
-    if hasattr(os, "sched_getaffinity"):  # Linux; neither macOS nor Windows
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

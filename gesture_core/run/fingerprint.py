@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import gesture_core
@@ -88,18 +89,14 @@ def run_configuration(
     if not kernel:
         pose = {"pose": settings.as_dict()["pose"]}
         return {"settings": pose, "keypoints": dict(identity), "plugins": {}, "examples": {}}
-    plugins = registry()
-    chosen = settings.signals
-    steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
-    steps += [("filter", name.partition(":")[0]) for name in chosen.filters]
-    steps += [("kernel", kernel)]
+    settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
+    steps = [registry().find(kind, name.partition(":")[0]) for kind, name in settings.plugins()]
     tree = settings.as_dict()
     del tree["limits"]
-    tree["classify"]["kernel"] = kernel
     return {
         "settings": tree,
         "keypoints": dict(identity),
-        "plugins": {f"{kind} {name}": str(plugins.find(kind, name).origin) for kind, name in steps},
+        "plugins": {f"{step.kind} {step.name}": str(step.origin) for step in steps},
         "examples": {item.name: {"label": item.label, "sha256": sha256} for item, sha256 in examples},
     }
 

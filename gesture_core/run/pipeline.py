@@ -14,12 +14,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.errors import Code, ConfigError, GestureError, InputError
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.inputs import Input
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
 from gesture_core.run.results import Committed, Results, open_results, run_folder
-from gesture_core.run.rows import PLUGIN_CODES, contradicting_row, rows_of, unread_row
+from gesture_core.run.rows import contradicting_row, rows_of, unread_row
 from gesture_core.run.store import keypoint_store, prune
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.run.workers.keypoints import Extracted
@@ -224,8 +224,8 @@ class _Run:
             self.results.commit(Committed(item.key, item.place, ""), [row], role="example")
             self.listener.example_failed(row)
         if not usable:
-            remedy = "" if "; try: " in failed[0].message else "better clips"
-            if failed[0].code.startswith(PLUGIN_CODES):
+            remedy, code = "" if "; try: " in failed[0].message else "better clips", Code.of(failed[0].code)
+            if code and code.plugin:
                 remedy = "another version of that plugin, or settings without it"
             raise InputError(
                 f"no example can be used; the first one: {failed[0].code} {failed[0].message}",

@@ -6,27 +6,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from gesture_core.errors import Code
 from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input
 from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.types import Prediction, Row
 
-# Nothing went wrong with such an input: it was read, and no label is warranted.
-_NO_GESTURE = frozenset(
-    {"E_NO_PERSON", "E_POSE_SHORT", "E_POSE_SPARSE", "E_POSE_SCALE", "E_NO_SALIENT", "E_NO_COMMON"}
-)
 _READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
 _FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"
-PLUGIN_CODES = ("E_PLUGIN", "E_WORKER")
-"""How codes begin for which a plugin is to blame, not the input."""
 
 
 def unread_row(item: Input, fingerprint: str) -> Row:
     """The row of something that nobody reads (skipped), or that should be readable and is not (error)."""
-    status = "skipped" if item.kind == "other" else "error"
+    code = Code.of(item.code)
     if item.kind == "other":
         picture = item.path.suffix.lower() in PICTURE_SUFFIXES
         remedy = f"{FRAMES if picture else 'another format'}, or a manifest that leaves it out"
-    elif item.code.startswith(PLUGIN_CODES):
+    elif code and code.plugin:
         remedy = "another version of the plugin, then --retry-errors"
     elif item.code in _READING:
         remedy = "check what it is and its permissions, then --retry-errors"
@@ -34,7 +29,7 @@ def unread_row(item: Input, fingerprint: str) -> Row:
         remedy = "repairing it, then --retry-errors"
     return Row(
         item.name,
-        status=status,  # type: ignore[arg-type]
+        status=Code.NOT_AN_INPUT.status if item.kind == "other" else "error",
         code=item.code or "E_NOT_AN_INPUT",
         message=f"{item.name}: {item.fault}; try: {remedy}",
         fingerprint=fingerprint,
@@ -83,11 +78,12 @@ def rows_of(
             f"{item.name}: nobody was found in {found.frames_read} frames; "
             "try: another --pose or --model, or gesture render to see what the network sees"
         )
-        nobody = replace(base, status="rejected", code="E_NO_PERSON", message=message)
+        nobody = replace(base, status=Code.NO_PERSON.status, code="E_NO_PERSON", message=message)
         return [_with_damage(nobody, item, found)]
     rows = []
     for number, (person, frames) in enumerate(found.people):
         prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
+        code = Code.of(prediction.code)
         row = replace(
             base,
             person=person,
@@ -95,7 +91,7 @@ def rows_of(
             distance=prediction.distance,
             margin=prediction.margin,
             neighbors=prediction.neighbors,
-            status="rejected" if prediction.code in _NO_GESTURE else prediction.status,
+            status="rejected" if code and code.status == "rejected" else prediction.status,
             code=prediction.code,
             message=_about(item, prediction.message)
             + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
@@ -120,7 +116,7 @@ def _with_damage(row: Row, item: Input, found: Extracted) -> Row:
     otherwise = f"; otherwise: {row.code} {row.message.removeprefix(f'{item.name}: ')}" if row.code else ""
     return replace(
         row,
-        status="degraded" if row.status == "ok" else "error",
+        status=Code.MEDIA_PARTIAL.status if row.status == "ok" else "error",
         code="E_MEDIA_PARTIAL",
         message=f"{item.name}: {'; '.join(found.notes) or 'frames are missing'}; "
         f"kept: {found.frames_read} frames; try: repairing the file{otherwise}",

@@ -34,7 +34,8 @@ def relative_to_neck(pose: PoseSequence) -> np.ndarray:
             remedy="another normalizer (signals.normalizer), or a clip in which the neck is seen",
             code="E_POSE_SCALE",
         )
-    return points - neck
+    relative: np.ndarray = points - neck
+    return relative
 
 
 def mid_hip(pose: PoseSequence) -> np.ndarray:
@@ -42,44 +43,40 @@ def mid_hip(pose: PoseSequence) -> np.ndarray:
     both = np.stack([joint(pose, "right_hip"), joint(pose, "left_hip")])
     count = (~np.isnan(both)).sum(axis=0)
     total = np.nansum(both, axis=0)
-    return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+    middle: np.ndarray = np.full_like(total, np.nan)
+    np.divide(total, count, out=middle, where=count > 0)
+    return middle
 
 
-def extent(pose: PoseSequence) -> float:
-    """Largest side of the box around all keypoints, in the keypoints' unit; zero without any."""
-    points = pose.keypoints[pose.seen]
-    return float(np.ptp(points, axis=0).max()) if len(points) else 0.0
-
-
-def trusted(lengths: np.ndarray, floor: float, what: str, source: str = "", unit: float = 0.0) -> np.ndarray:
+def trusted(pose: PoseSequence, lengths: np.ndarray, floor: float, what: str) -> np.ndarray:
     """``lengths`` with NaN for frames that must not become a scale.
 
     Parameters
     ----------
+    pose : PoseSequence
+        Whose distances they are; a median below a thousandth of its extent is degenerate.
     lengths : (T,) float array
         Distance of two joints in each frame, NaN where one is missing.
     floor : float
         Share of the median below which a distance is not trusted.
     what : str
         What the distance is, for the error.
-    source : str
-        The input, for the error.
-    unit : float
-        Extent of the whole pose; a median below a thousandth of it is degenerate.
 
     Raises
     ------
     PoseError
         E_POSE_SCALE where no frame has a distance above zero.
     """
-    usable = lengths[np.isfinite(lengths) & (lengths > _TINY * unit)]
+    points = pose.keypoints[pose.seen]
+    extent = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    usable = lengths[np.isfinite(lengths) & (lengths > _TINY * extent)]
     if len(usable) == 0:
         raise PoseError(
             f"the {what} is missing, seen too seldom, or zero, so that the body has no scale",
-            subject=source,
+            subject=pose.source,
             remedy="another normalizer (signals.normalizer), or a clip in which these joints are seen",
             code="E_POSE_SCALE",
         )
     middle = float(np.median(usable))
-    good = np.isfinite(lengths) & (lengths > max(floor * middle, _TINY * unit))
+    good = np.isfinite(lengths) & (lengths > max(floor * middle, _TINY * extent))
     return np.where(good, lengths, np.nan)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -60,13 +59,12 @@ class Chain:
         """
         chosen = settings.signals
         rule = GapRule(chosen.max_gap, chosen.min_seen, chosen.min_frames, settings.classify.min_pose)
-        return cls(
-            _make(settings, "normalizer", chosen.normalizer),
-            tuple(_make(settings, "filter", name) for name in chosen.filters),
-            _make(settings, "selector", chosen.selector),
-            rule,
-            chosen.still == "posture",
-        )
+        normalizer, selector, *filters = [
+            registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
+            for kind, name in settings.plugins()
+            if kind != "kernel"
+        ]
+        return cls(normalizer, tuple(filters), selector, rule, chosen.still == "posture")
 
     def __call__(self, pose: PoseSequence) -> Signals:
         """The signals of one person.
@@ -82,36 +80,29 @@ class Chain:
             Where a plugin returns arrays of another shape or raises.
         """
         try:
-            return self._steps(pose)
+            signals = self.normalised(pose)
+            with calling(self.selector):
+                mask = self.selector.select(signals)
+            if np.shape(mask) != (len(signals.channels),):
+                raise _broke(self.selector, f"returned a mask of shape {np.shape(mask)}")
+            if np.asarray(mask).dtype.kind == "f" and not np.isfinite(mask).all():
+                raise _broke(self.selector, "returned a mask with NaN or infinity")
+            signals = replace(signals, mask=np.asarray(mask, bool))
+            for step in self.filters:
+                with calling(step):
+                    signals = step.apply(signals)
+                if not isinstance(signals, Signals):
+                    raise _broke(step, f"returned {type(signals).__name__} instead of Signals")
+            if not (self.allow_still or signals.selected):
+                raise SignalError(
+                    "no channel moves enough to be compared; a person who stands still makes no gesture",
+                    subject=pose.source,
+                    remedy="a lower variance.t_var, or signals.selector=all where poses are classes too",
+                    code="E_NO_SALIENT",
+                )
+            return signals
         except GestureError as error:
             raise error.about(pose.source) from error.__cause__
-
-    def all(self, poses: Iterable[PoseSequence]) -> list[Signals]:
-        """The signals of each of ``poses``; the first error ends it."""
-        return [self(pose) for pose in poses]
-
-    def _steps(self, pose: PoseSequence) -> Signals:
-        signals = self.normalised(pose)
-        with calling(self.selector):
-            mask = self.selector.select(signals)
-        if np.shape(mask) != (len(signals.channels),):
-            raise _broke(self.selector, f"returned a mask of shape {np.shape(mask)}")
-        if np.asarray(mask).dtype.kind == "f" and not np.isfinite(mask).all():
-            raise _broke(self.selector, "returned a mask with NaN or infinity")
-        signals = replace(signals, mask=np.asarray(mask, bool))
-        for step in self.filters:
-            with calling(step):
-                signals = step.apply(signals)
-            if not isinstance(signals, Signals):
-                raise _broke(step, f"returned {type(signals).__name__} instead of Signals")
-        if not (self.allow_still or signals.selected):
-            raise SignalError(
-                "no channel moves enough to be compared; a person who stands still makes no gesture",
-                subject=pose.source,
-                remedy="a lower variance.t_var, or signals.selector=all where poses are classes too",
-                code="E_NO_SALIENT",
-            )
-        return signals
 
     def normalised(self, pose: PoseSequence) -> Signals:
         """The signals before selection and filters: every channel in body units, gaps filled."""
@@ -140,10 +131,6 @@ class Chain:
             present=np.repeat(present, 2),
             source=pose.source,
         )
-
-
-def _make(settings: Settings, kind: str, name: str) -> Any:
-    return registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
 
 
 def _broke(plugin: object, what: str) -> PluginError:

@@ -7,24 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from gesture_core.errors import SignalError
+from gesture_core.skeletons import other_side
 from gesture_core.types import Signals
 
 
-def other_side(channel: str) -> str:
-    """Name of the channel on the other side of the body; itself on the body's middle line."""
-    if channel.startswith("left_"):
-        return "right_" + channel.removeprefix("left_")
-    if channel.startswith("right_"):
-        return "left_" + channel.removeprefix("right_")
-    return channel
-
-
 def mirror_sign(channel: str) -> int:
-    """-1 for a channel that a mirror turns round, otherwise 1.
+    """-1 for a channel whose sign a mirror reverses, otherwise 1.
 
-    These are what points to the side (``right_wrist_x``, ``right_wrist_x.velocity``) and the sense
+    It reverses what points to the side (``right_wrist_x``, ``right_wrist_x.velocity``) and the sense
     of a turn (``right_forearm.turning``); the energy and the spread of a motion have no direction.
-    The way from one hand to the other (``hands_x``) is also walked backwards, so that its y turns.
+    The vector from one hand to the other also changes its ends, so that ``hands_y`` is reversed
+    instead of ``hands_x``.
     """
     name, _, kind = channel.partition("@")[0].partition(".")
     if kind in ("energy", "spread"):
@@ -33,7 +26,7 @@ def mirror_sign(channel: str) -> int:
 
 
 def mirrored(signals: Signals) -> Signals:
-    """``signals`` as a mirror would show them: sides swapped, x turned round.
+    """``signals`` as a mirror would show them: sides swapped, the sign of x reversed.
 
     The signals must have been normalised to a point on the body's middle line (the neck), as all
     built-in normalizers do.
@@ -43,8 +36,10 @@ def mirrored(signals: Signals) -> Signals:
     SignalError
         E_MIRROR where a channel's counterpart on the other side is missing.
     """
-    places = {name: index for index, name in enumerate(signals.channels)}
-    lost = [name for name in signals.channels if other_side(name) not in places]
+    opposite = [other_side(name) for name in signals.channels]
+    lost = [
+        name for name, other in zip(signals.channels, opposite, strict=True) if other not in signals.channels
+    ]
     if lost:
         raise SignalError(
             f"channel {lost[0]} has no counterpart on the other side",
@@ -52,7 +47,7 @@ def mirrored(signals: Signals) -> Signals:
             remedy="classify.mirror=none, or channels of both sides",
             code="E_MIRROR",
         )
-    order = np.array([places[other_side(name)] for name in signals.channels])
+    order = [signals.channels.index(other) for other in opposite]
     signs = np.array([mirror_sign(name) for name in signals.channels], np.float32)
     assert signals.mask is not None and signals.present is not None
     return replace(

@@ -1,15 +1,8 @@
-"""The conformance suite that authors of distance kernels run.
-
->>> import pytest
->>> from gesture_core.testing import KERNEL_CHECKS
->>> @pytest.mark.parametrize("check", KERNEL_CHECKS)
-... def test_my_kernel(check):
-...     check(MyKernel())
+"""The conformance suite of distance kernels; see `gesture_core.testing`.
 
 Every check takes a kernel and raises `AssertionError` where it breaks its contract. What a kernel
-does not support is left out, unless that is everything. A kernel with the attribute ``exact = False``
-is an approximation and is not held to the reference. The package's own tests run the suite over
-every registered kernel.
+does not support is left out, unless that is everything. An `ApproximateKernel` is not held to the
+reference.
 """
 
 from __future__ import annotations
@@ -18,16 +11,21 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import Any
 
 import numpy as np
 
-from gesture_core.dtw import reference
+from gesture_core.dtw import reference, search
 from gesture_core.dtw.bands import is_feasible
-from gesture_core.dtw.lanes import used_dimensions
-from gesture_core.dtw.pairs import subset
+from gesture_core.dtw.batches import subset, used_dimensions
 from gesture_core.dtw.spec import BandMask, DtwSpec
-from gesture_core.plugin.interfaces import DistanceKernel
+from gesture_core.plugin.interfaces import (
+    ApproximateKernel,
+    BoundedKernel,
+    DistanceKernel,
+    GradientKernel,
+    LowerBoundKernel,
+    PairKernel,
+)
 from gesture_core.settings import load_settings, presets
 from gesture_core.types import SignalBatch
 
@@ -66,34 +64,26 @@ def draw_batch(
 
 
 @cache
-def _accumulate() -> Callable[..., np.ndarray]:
-    """The reference's loops, compiled where a compiler of Python loops is installed."""
+def _recursion() -> Callable[[np.ndarray, np.ndarray, float], np.ndarray]:
+    """The loops of the reference, compiled where a compiler of Python loops is installed."""
     try:
         from numba import njit
     except ImportError:
         return reference.accumulate
-    return njit(reference.accumulate)
+    compiled: Callable[[np.ndarray, np.ndarray, float], np.ndarray] = njit(reference.accumulate)
+    return compiled
 
 
 def reference_table(case: Case) -> np.ndarray:
     """(Q, N) float64 distances by the reference; NaN where the band leaves no path."""
-    slow, reference.accumulate = reference.accumulate, _accumulate()
-    try:
-        return _reference_table(case)
-    finally:
-        reference.accumulate = slow
-
-
-def _reference_table(case: Case) -> np.ndarray:
     queries, examples, spec = case.queries, case.examples, case.spec
     every = np.arange(len(examples))
     out = np.full((len(queries), len(examples)), np.nan)
     for i, n in enumerate(queries.lengths.tolist()):
         use = used_dimensions(queries, examples, np.full(len(every), i), every)
-        for j, m in enumerate(examples.lengths.tolist()):
-            if is_feasible(n, m, spec):
-                x, y = queries.values[i, :n], examples.values[j, :m]
-                out[i, j] = reference.reference_distance(x, y, spec, use[j])
+        for j in np.flatnonzero(is_feasible(n, examples.lengths, spec)):
+            x, y = queries.values[i, :n], examples.values[j, : examples.lengths[j]]
+            out[i, j] = reference.reference_distance(x, y, spec, use[j], _recursion())
     return out
 
 
@@ -174,7 +164,7 @@ def _ring(size: int) -> np.ndarray:
 
 def check_reference(kernel: DistanceKernel) -> None:
     """Agrees with the float64 reference, in float64 and float32, under every choice of `DtwSpec`."""
-    if not getattr(kernel, "exact", True):
+    if isinstance(kernel, ApproximateKernel):
         return
     chosen = _supported(kernel, specifications())
     assert chosen, "supports none of the specifications of this suite: use `compare` under its own"
@@ -215,7 +205,7 @@ def check_nothing_in_common(kernel: DistanceKernel) -> None:
 
 def check_bits(kernel: DistanceKernel) -> None:
     """A pair has the same bits alone, in any order, among others, and with more padding."""
-    if not getattr(kernel, "exact", True):
+    if isinstance(kernel, ApproximateKernel):
         return
     specs = (
         DtwSpec(),
@@ -246,41 +236,50 @@ def check_bits(kernel: DistanceKernel) -> None:
 
 def check_pairs(kernel: DistanceKernel) -> None:
     """Where a kernel computes chosen pairs, they have the bits of the table, unless they may be abandoned."""
-    pairs: Any = getattr(kernel, "pairs", None)
-    within: Any = getattr(kernel, "within", None)
+    if not isinstance(kernel, PairKernel | BoundedKernel):
+        return
     rng = np.random.default_rng(8)
     queries, examples = draw_batch(rng, 6, 25, 3), draw_batch(rng, 40, 25, 3)
     qi, ei = rng.integers(0, 6, 100), rng.integers(0, 40, 100)
-    if pairs is None and within is None:
-        return
     specs = (DtwSpec(), DtwSpec(mode="dependent", cost="euclidean", root=True, length_norm=True))
     for spec in _supported(kernel, specs):
         state = kernel.prepare(examples, spec)
         whole = np.asarray(kernel.distances(state, queries))
-        if pairs is not None:
-            got = pairs(state, queries, qi, ei)
-            np.testing.assert_array_equal(got, whole[qi, ei], err_msg=str(spec))
-        if within is not None:
+        wanted = whole[qi, ei]
+        if isinstance(kernel, PairKernel):
+            np.testing.assert_array_equal(kernel.pairs(state, queries, qi, ei), wanted, err_msg=str(spec))
+            nothing = kernel.pairs(state, queries, qi[:0], ei[:0])
+            assert np.shape(nothing) == (0,), f"no pairs give shape {np.shape(nothing)}"
+        if isinstance(kernel, BoundedKernel):
             limits = np.median(whole, axis=1)
-            got, cells = within(state, queries, qi, ei, limits)
-            wanted = whole[qi, ei]
+            got = np.asarray(kernel.within(state, queries, qi, ei, limits))
             kept = (wanted <= limits[qi]) | np.isfinite(got)
             np.testing.assert_array_equal(got[kept], wanted[kept], err_msg=str(spec))
-            most = queries.lengths[qi] * examples.lengths[ei] * 3
-            assert np.isposinf(got[~kept]).all() and (cells >= 0).all() and (cells <= most).all()
+            assert np.isposinf(got[~kept]).all(), f"an abandoned pair is not infinite under {spec}"
+
+
+def check_lower_bound(kernel: DistanceKernel) -> None:
+    """Where a kernel computes LB_Keogh, it agrees with the definition."""
+    if not isinstance(kernel, LowerBoundKernel):
+        return
+    rng = np.random.default_rng(9)
+    query, middle = rng.normal(size=(3, 17)), rng.normal(size=(5, 3, 17))
+    lower, upper = middle - rng.random(middle.shape), middle + rng.random(middle.shape)
+    for squared in (False, True):
+        wanted = search.keogh(query, lower, upper, squared)
+        np.testing.assert_allclose(kernel.keogh(query, lower, upper, squared), wanted, 1e-12, 1e-12)
 
 
 def check_gradients(kernel: DistanceKernel) -> None:
     """Where a kernel computes soft gradients, they agree with finite differences of the reference."""
-    compute: Any = getattr(kernel, "gradients", None)
-    if compute is None or not getattr(kernel, "exact", True):
+    if not isinstance(kernel, GradientKernel) or isinstance(kernel, ApproximateKernel):
         return
     for mode, cost in (("independent", "squared"), ("dependent", "euclidean"), ("dependent", "absolute")):
         spec = DtwSpec(mode=mode, cost=cost, gamma=0.5, window=0.8, weights=(1.0, 2.0))  # type: ignore[arg-type]
         rng = np.random.default_rng(2)
         case = Case(_of_lengths(rng, (5, 6)), _of_lengths(rng, (6, 4, 5)), spec)
         weights = rng.normal(size=(2, 3))
-        _, *slopes = compute(kernel.prepare(case.examples, spec), case.queries, weights)
+        _, *slopes = kernel.gradients(kernel.prepare(case.examples, spec), case.queries, weights)
         for side, slope in enumerate(slopes):
             for index in [(0, 0, 0), (1, 3, 1), (1, 2, 0), (0, 4, 1)]:
                 wanted = _slope(case, weights, side, index)
@@ -296,7 +295,7 @@ def check_gradients(kernel: DistanceKernel) -> None:
     )
     exact = [SignalBatch(b.values.astype(np.float64), b.lengths, every, every) for b in (queries, examples)]
     case = Case(exact[0], exact[1], spec)
-    _, *slopes = compute(kernel.prepare(examples, spec), queries, np.ones((1, 1)))
+    _, *slopes = kernel.gradients(kernel.prepare(examples, spec), queries, np.ones((1, 1)))
     for side, slope in enumerate(slopes):
         largest = np.unravel_index(np.abs(slope).argmax(), slope.shape)
         for index in [largest, (0, 0, 0), (0, 57, 1), (0, 121, 0), (0, 199, 1)]:
@@ -305,13 +304,13 @@ def check_gradients(kernel: DistanceKernel) -> None:
             assert error < 1e-5, f"{spec}, float32: {slope[index]}, expected {wanted}"
 
 
-def _slope(case: Case, weights: np.ndarray, side: int, index: tuple[Any, ...]) -> float:
+def _slope(case: Case, weights: np.ndarray, side: int, index: tuple[int, ...]) -> float:
     """A finite difference: how much one value of the queries (0) or examples (1) moves the weighted sum."""
     values, step, sums = (case.queries, case.examples)[side].values, 1e-5, []
     kept = values[index]
     for sign in (1, -1):
         values[index] = kept + sign * step
-        sums.append((reference_table(case) * weights).sum())
+        sums.append(float((reference_table(case) * weights).sum()))
     values[index] = kept
     return (sums[0] - sums[1]) / (2 * step)
 
@@ -330,6 +329,7 @@ KERNEL_CHECKS: tuple[Callable[[DistanceKernel], None], ...] = (
     check_nothing_in_common,
     check_bits,
     check_pairs,
+    check_lower_bound,
     check_gradients,
 )
 """The conformance suite; each takes a kernel and raises `AssertionError`."""

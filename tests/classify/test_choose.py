@@ -55,7 +55,8 @@ def test_a_choice_has_the_distances_of_the_product(choose: ModuleType, missing: 
     choice = choose.Choice(amounts, modern.classify.mirror, rest, 0.0)
     size = np.median(amounts @ problem.sizes) / np.median(problem.frames)
     settings = replace(modern, classify=replace(modern.classify, kernel="numpy", rest=float(rest * size)))
-    signals = Chain.from_settings(settings).all(item.pose for item in items)
+    chain = Chain.from_settings(settings)
+    signals = [chain(item.pose) for item in items]
     expected = compare(signals, signals, settings)
     np.testing.assert_allclose(choice.distances(problem), expected, rtol=1e-3, atol=1e-5)
     assert problem.whole == (not missing)

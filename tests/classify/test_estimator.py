@@ -1,4 +1,4 @@
-"""`GestureClassifier`: scikit-learn's habits, all three kinds of input, rejection, mirrored examples."""
+"""`GestureClassifier`: scikit-learn's interface, all three kinds of input, rejection, mirrored examples."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from swings import pose, swing
 
 from gesture_core import GestureClassifier, warping_distances
 from gesture_core.classify.comparison import common_share, compare
+from gesture_core.classify.recognizer import Recognizer
 from gesture_core.errors import ConfigError, InputError, PluginError, PoseError
 from gesture_core.settings import Settings, load_settings
 from gesture_core.types import Signals
@@ -58,7 +59,7 @@ def test_kneighbors_index_into_what_was_given_to_fit() -> None:
     np.testing.assert_array_equal(indices[:, 0], np.arange(9))
     np.testing.assert_allclose(distances[:, 0], 0, atol=1e-6)
     signals = model.signals(poses)
-    expected = warping_distances(signals, signals, model._settings().dtw)
+    expected = warping_distances(signals, signals, model.settings_.dtw)
     np.testing.assert_allclose(model.distances(poses), expected)
 
 
@@ -79,9 +80,13 @@ def test_scikit_learn_takes_it_for_a_classifier() -> None:
     assert twin is not model
     assert twin.get_params() == model.get_params()
     assert is_classifier(model)
-    assert repr(model) == (
-        "GestureClassifier(preset='paper', kernel='auto', n_neighbors=3, reject=5.0, rejected_label=None)"
+    tags = model.__sklearn_tags__()
+    assert (tags.input_tags.two_d_array, tags.input_tags.allow_nan, tags.target_tags.required) == (
+        False,
+        True,
+        True,
     )
+    assert repr(model) == "GestureClassifier(n_neighbors=3, preset='paper', reject=5.0)"
     scores = cross_val_score(GestureClassifier("paper"), poses, labels, cv=3)
     assert scores.tolist() == [1, 1, 1]
     search = GridSearchCV(GestureClassifier("paper"), {"n_neighbors": [1, 2]}, cv=3).fit(poses, labels)
@@ -89,23 +94,28 @@ def test_scikit_learn_takes_it_for_a_classifier() -> None:
 
 
 def test_unknown_parameters_are_refused() -> None:
-    with pytest.raises(ConfigError):
+    with pytest.raises(ValueError, match="Invalid parameter 'neighbours'"):
         GestureClassifier().set_params(neighbours=3)
     with pytest.raises(ConfigError):
         GestureClassifier(reject="sometimes").fit(*data(2))
 
 
-def test_it_works_without_scikit_learn() -> None:
+def test_a_recognizer_works_without_scikit_learn_and_predicts_the_same() -> None:
     code = (
         "import sys; sys.modules['sklearn'] = None\n"
-        "import numpy as np; from gesture_core import GestureClassifier\n"
+        "import numpy as np; from gesture_core.classify.recognizer import Recognizer\n"
+        "from gesture_core.settings import load_settings\n"
         "up, down = np.linspace(0, 1, 20)[:, None], np.linspace(1, 0, 25)[:, None]\n"
-        "m = GestureClassifier('paper', kernel='numpy').fit([up, down], ['up', 'down'])\n"
-        "print(m.predict([up[::2], down[::3]]).tolist(), m)"
+        "m = Recognizer.fit(load_settings('paper', ['kernel=numpy']), [up, down], ['up', 'down'])\n"
+        "print([row.label for row in m.predictions([up[::2], down[::3]])])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("['up', 'down'] GestureClassifier(preset='paper'")
+    assert done.stdout.startswith("['up', 'down']")
+    poses, labels = data()
+    queries, _ = data(2, seed=1)
+    model = GestureClassifier("modern").fit(poses, labels)
+    assert Recognizer.fit(model.settings_, poses, labels).predictions(queries) == model.predictions(queries)
 
 
 def test_arrays_are_compared_as_they_are_and_labels_keep_their_type() -> None:
@@ -373,4 +383,4 @@ def test_another_number_of_neighbours_waits_for_the_next_fit() -> None:
     model = GestureClassifier("paper", n_neighbors=0).fit(poses, labels)
     before = model.predictions(poses)
     assert model.set_params(n_neighbors=3).predictions(poses) == before
-    assert model.fit(poses, labels).weighing_ is None
+    assert model.fit(poses, labels).weights_ is None

@@ -15,12 +15,23 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 from swings import pose, swing
 
-from gesture_core.classify.evaluation import Labelled, answer, choose_nested, compare_all, evaluate, wilson
-from gesture_core.classify.protocols import folds
+from gesture_core.classify.evaluation import (
+    Evaluation,
+    Labelled,
+    answer,
+    choose_nested,
+    compare_all,
+    folds,
+    wilson,
+)
 from gesture_core.errors import ConfigError, InputError, PoseError
-from gesture_core.settings import load_settings
+from gesture_core.settings import Settings, load_settings
 
 PAPER = load_settings("paper", environment={})
+
+
+def evaluate(data: Labelled, protocol: str, settings: Settings) -> Evaluation:
+    return answer(compare_all(data, settings), protocol)
 
 
 def archive(broken: bool = False) -> Labelled:

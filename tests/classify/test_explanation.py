@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +41,11 @@ def test_costs_of_the_channels_add_up(
     masks = random.random((4, 3)) < 0.7
     x = Signals(random.normal(size=(n, 3)), np.arange(n), CHANNELS, masks[0], masks[1])
     y = Signals(random.normal(size=(m, 3)), np.arange(m), CHANNELS, masks[2], masks[3])
-    costs, used, paths = channel_costs(x, y, spec)
+    paper = load_settings("paper", environment={})
+    costs, used, paths, places = channel_costs(x, y, replace(paper, dtw=spec))
     np.testing.assert_array_equal(used, (masks[0] | masks[2]) & masks[1] & masks[3])
     assert not costs[~used].any()
+    assert ((places >= 0) == used).all()
     if used.any():
         expected = reference_distance(x.values, y.values, spec, used)
         assert costs.sum() == pytest.approx(expected, rel=1e-9)
@@ -59,7 +62,7 @@ def test_a_decision_is_explained_by_the_distances_that_made_it(preset: str, tmp_
     model = GestureClassifier(preset).fit(examples, ["up", "side", "knee"], ["one", "two", "three"])
     (query,) = model.signals([pose(swing("right_wrist" if preset == "modern" else "left_wrist", 1, 1.1))])
     row = model.distances([query])[0]
-    found = explain(query, model.library_, row, model._settings())
+    found = explain(query, model.library_, row, model.settings_)
     assert (found.nearest.label, found.nearest.example) == ("up", "one")
     assert found.nearest.mirrored == (preset == "modern")
     assert found.nearest.distance == pytest.approx(row.min(), rel=1e-3)
@@ -89,7 +92,7 @@ def test_what_several_neighbours_voted_for_is_explained_and_not_the_nearest_exam
 def test_one_class_has_no_runner_up_and_still_a_plot(tmp_path: Path) -> None:
     model = GestureClassifier("paper").fit([pose(swing())], ["up"])
     (query,) = model.signals([pose(swing(size=80))])
-    found = explain(query, model.library_, model.distances([query])[0], model._settings())
+    found = explain(query, model.library_, model.distances([query])[0], model.settings_)
     assert found.runner_up is None
     _check_picture(explanation_plot(found, "one class", tmp_path / "one.png"))
 

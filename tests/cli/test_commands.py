@@ -41,7 +41,9 @@ def test_rows_go_to_a_pipe_as_json_and_progress_to_standard_error(drawn: DemoArc
     assert len(rows) == 12
     assert isinstance(rows[0]["neighbors"], list)
     events = [json.loads(line) for line in done.stderr.splitlines() if line.startswith("{")]
-    assert events[0] == {"event": "planned", "inputs": 12, "waiting": 12, "examples": 6, "kernel": "numpy"}
+    planned = {"event": "planned", "inputs": 12, "waiting": 12, "examples": 6, "kernel": "numpy"}
+    sources, examples = [str(drawn.video_keypoints)], [str(drawn.example_keypoints)]
+    assert events[0] == {**planned, "sources": sources, "example_sources": examples}
     assert events[-1]["event"] == "done" and len(events) == len(done.stderr.splitlines())
     assert events[-1]["database"].endswith("run.db") and events[-1]["rows"] == 12
     assert events[-1]["worked_on"] == 12 and events[-1]["exit_code"] == done.returncode
@@ -78,6 +80,7 @@ def test_a_terminal_gets_a_table(drawn: DemoArchive, run: Path) -> None:
     os.close(main)
     shown = text.decode()
     assert "nearest example" in shown and "clip_01" in shown and "nothing to do" in shown
+    assert f"sources: {drawn.video_keypoints}" in shown.replace("\r\n", "")
     assert "{" not in shown
 
 

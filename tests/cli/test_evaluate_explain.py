@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import sqlite3
+import subprocess
 import sys
 from pathlib import Path
 
@@ -120,22 +121,42 @@ def test_a_protocol_that_does_not_fit_is_refused_before_anything_is_extracted(
     assert "E_NEIGHBORS 4 neighbours were asked for, and a fold has 3 examples" in said
 
 
-@pytest.mark.parametrize(("module", "more"), [("sklearn", []), ("matplotlib", ["--out", "scores"])])
-def test_what_is_not_installed_is_said_before_anything_is_extracted(
-    archive: Path,
-    tmp_path: Path,
-    module: str,
-    more: list[str],
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+def test_without_matplotlib_only_the_pictures_are_missing(
+    archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.setattr("gesture_core.run.inputs.discover", None)
-    assert run(["evaluate", str(archive), "--protocol", "leave-one-out", *more]) == 1
-    said = capsys.readouterr().err
-    assert f"E_MISSING_DEPENDENCY gesture evaluate needs {module}; try: pip install" in said
-    assert list(tmp_path.iterdir()) == []
+    for module in ("matplotlib", "matplotlib.figure"):
+        monkeypatch.setitem(sys.modules, module, None)
+    chosen = ["--preset", "paper", "--set", "t_var=0.02"]
+    assert run(["evaluate", str(archive), "--protocol", "leave-one-out", *chosen, "--out", "scores"]) == 0
+    said = capsys.readouterr()
+    assert "9 of 9 right" in said.out
+    assert "no pictures: pictures need matplotlib; try: pip install 'gesture-core[evaluate]'" in said.err
+    assert sorted(path.name for path in Path("scores").iterdir()) == ["answers.csv", "evaluation.json"]
+    query = os.path.relpath(archive / "up" / "up_C.npy")
+    assert run(["classify", query, "--examples", str(archive), "--out", "run", *chosen, "--quiet"]) == 0
+    assert run(["explain", "run", "up_C.npy"]) == 0, "which is an example as well, under another name"
+    said = capsys.readouterr()
+    assert "answer     up" in said.out and "no picture: pictures need matplotlib" in said.err
+    assert run(["explain", "run", "up_C.npy", "--out", "plot.png"]) == 1, "a picture was asked for"
+    said = capsys.readouterr()
+    assert "answer     up" in said.out and "E_MISSING_DEPENDENCY pictures need matplotlib" in said.err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
+def test_what_is_written_is_there_though_nobody_reads_the_table(archive: Path, tmp_path: Path) -> None:
+    out = tmp_path / "scores"
+    chosen = ["--protocol", "leave-one-out", "--preset", "paper", "--set", "t_var=0.02", "--out", str(out)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gesture_core", "evaluate", str(archive), *chosen],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.wait() == 141
+    names = ["answers.csv", "confusion.png", "evaluation.json", "rejection.png"]
+    assert sorted(path.name for path in out.iterdir()) == names
 
 
 def test_a_kernel_gets_its_options_for_the_fingerprint_too(archive: Path, tmp_path: Path) -> None:
@@ -144,7 +165,7 @@ def test_a_kernel_gets_its_options_for_the_fingerprint_too(archive: Path, tmp_pa
         "needy",
         """
         from gesture_core import hookimpl
-        from gesture_core.dtw.vectorised import NumpyKernel
+        from gesture_dtw_numpy.kernel import NumpyKernel
 
         class Needy(NumpyKernel):
             def __init__(self, power): assert power == 2
@@ -261,7 +282,7 @@ def test_explain_says_why(
         database.execute("UPDATE rows SET label = 'other' WHERE input LIKE '%up_C.npy'")
     database.close()
     assert run(["explain", "run", "up_"]) == 0, "a part of the name is enough where only one has it"
-    assert "the run said other, and this version would say up" in capsys.readouterr().out
+    assert "the run gave the label other, this version gives up" in capsys.readouterr().out
     for wrong, hint in (
         (["nobody.npy"], "no input of the run is 'nobody.npy'"),
         (["C.npy"], "could be any of 4 inputs"),
@@ -278,8 +299,8 @@ def test_explain_says_why(
         ("short.npy", "E_NOT_FOUND short.npy: there is nothing to explain, rejected E_POSE_SHORT: "),
     ):
         assert run(["explain", "run", name]) == 2
-        said = capsys.readouterr().err
-        assert why in said and said.count(name) == 1
+        error = capsys.readouterr().err
+        assert why in error and error.count(name) == 1
     assert run(["explain", "run", "twin/knee_C.npy"]) == 0
     assert Path("run/explain-twin_knee_C.npy.png").is_file(), (
         "another clip of this name has a plot of its own"

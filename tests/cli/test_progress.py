@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
+import sys
 
 import pytest
 
 from gesture_core.cli import progress
-from gesture_core.cli.progress import _Bar, _Counter, _JsonLines
+from gesture_core.cli.progress import Bar, Events
 from gesture_core.types import Row
 
 
-def go(listener: _Counter) -> None:
+def go(listener: Events) -> None:
     """Two inputs that are extracted, one of them in vain, one that nobody reads, and three examples."""
     listener.planned(3, 3, 3, "numpy")
     listener.extracted("e.mp4", cached=True)
@@ -28,26 +30,46 @@ def go(listener: _Counter) -> None:
 
 
 def test_the_bar_ends_at_its_end(capsys: pytest.CaptureFixture[str]) -> None:
-    bar = _Bar()
-    assert bar._bar.tasks[0].total is None and "looking" in bar._bar.tasks[0].description
+    bar = Bar()
+    assert bar.shown.total is None and "looking" in bar.shown.description
     go(bar)
-    (task,) = bar._bar.tasks
-    assert (task.completed, task.total) == (6, 6)
-    assert "frames/s" in task.fields["speed"]
+    total: float | None = bar.shown.total
+    assert (bar.shown.completed, total) == (6, 6)
+    assert "frames/s" in bar.shown.fields["speed"]
+    assert "{" not in capsys.readouterr().err, "events are for programs"
 
 
 def test_nothing_to_do_is_no_bar_of_zero() -> None:
-    bar = _Bar()
+    bar = Bar()
     bar.planned(3, 0, 1, "numpy")
-    assert bar._bar.tasks[0].total is None
+    assert bar.shown.total is None
     bar.extracted("e.mp4", cached=True)
-    assert bar._bar.tasks[0].fields["speed"] == "", "no frame was decoded"
+    assert bar.shown.fields["speed"] == "", "no frame was decoded"
 
 
 def test_events_count_to_the_end(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(progress, "_SECONDS_BETWEEN_LINES", -1.0)
-    go(_JsonLines())
+    go(Events(["in"], ["ex", "more"]))
     events = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
-    assert events[0] == {"event": "planned", "inputs": 3, "waiting": 3, "examples": 3, "kernel": "numpy"}
+    planned = {"event": "planned", "inputs": 3, "waiting": 3, "examples": 3, "kernel": "numpy"}
+    assert events[0] == {**planned, "sources": ["in"], "example_sources": ["ex", "more"]}
     assert [event["event"] for event in events].count("example_failed") == 2
     assert (events[-1]["files"], events[-1]["of"], events[-1]["seconds_left"]) == (6, 6, 0)
+
+
+def test_a_terminal_is_told_first_what_is_worked_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(sys.stderr, "isatty", lambda: True)
+        with progress.progress([f"{n}.mp4" for n in range(9)], ["ex\x1b[2J"]):
+            pass
+        with progress.progress(["only.mp4"]):
+            pass
+        with progress.progress(["a.mp4"], ["b"], quiet=True):
+            pass
+    assert re.findall("(?:sources|examples): .*", capsys.readouterr().err) == [
+        "sources: 0.mp4 1.mp4 2.mp4 3.mp4 4.mp4, and 4 more",
+        "examples: ex\\x1b[2J",
+        "sources: only.mp4",
+    ]

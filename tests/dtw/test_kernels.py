@@ -17,12 +17,13 @@ from gesture_core.dtw.distances import choose_kernel, warping_distances
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError, InputError, PluginError, WarpingError
 from gesture_core.plugin import registry
+from gesture_core.plugin.interfaces import ApproximateKernel
 from gesture_core.testing import Case, compare, draw_batch, reference_table
 
 KERNELS = [
     name
     for name in registry().names("kernel", usable=True)
-    if getattr(registry().load("kernel", name), "exact", True)
+    if not isinstance(registry().make("kernel", name), ApproximateKernel)
 ]
 SIZES = ((300, 1, 10), (90, 2, 26), (16, 36, 30), (40, 3, 34))
 """Longest series, dimensions, and series on each side of an example."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from gesture_dtw_numpy.fastdtw import FastDtwKernel, fastdtw
 
-from gesture_core.dtw.bands import allowed_cells, is_feasible, row_bounds
-from gesture_core.dtw.derivative import derivatives
-from gesture_core.dtw.fastdtw import FastDtwKernel, fastdtw
+from gesture_core.dtw import derivatives
+from gesture_core.dtw.bands import allowed_cells, is_feasible, row_spans
 from gesture_core.dtw.reference import accumulate, reference_distance
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError, InputError, SignalError
@@ -95,7 +95,7 @@ def test_sakoe_chiba_follows_the_slope(n: int, m: int) -> None:
 def test_equal_lengths_have_the_usual_band() -> None:
     cells = allowed_cells(9, 9, DtwSpec(window=2))
     assert (cells == (np.abs(np.subtract.outer(np.arange(9), np.arange(9))) <= 2)).all()
-    low, high = row_bounds(9, 9, DtwSpec(window=2))
+    (low,), (high,) = row_spans(9, np.array([9]), DtwSpec(window=2))
     assert low.tolist() == [0, 0, 0, 1, 2, 3, 4, 5, 6]
     assert high.tolist() == [3, 4, 5, 6, 7, 8, 9, 9, 9]
 
@@ -114,7 +114,7 @@ def test_feasibility_is_whether_a_path_exists() -> None:
         mask = rng.random((n, m)) < 0.7
         spec = DtwSpec(mask=mask)
         table = accumulate(np.ones((n, m)), mask, 0.0)
-        assert is_feasible(int(n), int(m), spec) == np.isfinite(table[-1, -1])
+        assert is_feasible(int(n), np.array([m]), spec)[0] == np.isfinite(table[-1, -1])
 
 
 def test_fastdtw_gives_the_numbers_of_its_package() -> None:
@@ -142,3 +142,5 @@ def test_derivatives_are_those_of_keogh_and_pazzani() -> None:
     for wrong, code in ((masked, "E_NOT_FINITE"), (3.0, "E_DIMENSIONS"), (["a", "b", "c"], "E_DIMENSIONS")):
         with pytest.raises(InputError, match=f"{code} series 0"):
             derivatives([wrong])  # type: ignore[list-item]
+    with pytest.raises(InputError, match=r"E_DIMENSIONS series are one array of shape \(4, 2\)"):
+        derivatives(np.zeros((4, 2)))  # type: ignore[arg-type]

@@ -7,17 +7,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gesture_core.dtw import search as engine
-from gesture_core.dtw.distances import warping_distances
-from gesture_core.dtw.search import nearest, search
-from gesture_core.dtw.spec import DtwSpec
-from gesture_core.errors import ConfigError, InputError
-from gesture_core.types import Signals
+from gesture_core.dtw import DtwSpec, ExampleIndex, nearest, search, warping_distances
+from gesture_core.errors import ConfigError, InputError, PluginError, WarpingError
+from gesture_core.types import Neighbors, SignalBatch, Signals
 
 
 def walks(rng: np.random.Generator, count: int, width: int, longest: int = 40) -> list[np.ndarray]:
     lengths = rng.integers(longest * 3 // 4, longest + 1, count)
     return [np.cumsum(rng.integers(-2, 3, (n, width)), axis=0).astype(np.float32) for n in lengths]
+
+
+def assert_brute_force(  # type: ignore[no-untyped-def]
+    found: Neighbors, queries, examples, spec: DtwSpec, k: int, among: np.ndarray | None = None
+) -> None:
+    """The neighbours are those of the whole table, to the last bit."""
+    table = warping_distances(queries, examples, spec)
+    table = table if among is None else np.where(among, table, np.inf)
+    order = np.argsort(table, axis=1, kind="stable")[:, :k]
+    np.testing.assert_array_equal(found.indices, order)
+    np.testing.assert_array_equal(found.distances, np.take_along_axis(table, order, axis=1))
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
@@ -37,12 +45,7 @@ def test_search_is_brute_force(seed, mode, cost, reduce, root, norm, band, k) ->
     queries, examples = walks(rng, 6, 2), walks(rng, 60, 2)
     examples[7] = examples[31]  # a tie, which the lower index wins
     queries[2] = examples[31]
-    table = warping_distances(queries, examples, spec)
-    order = np.argsort(table, axis=1, kind="stable")[:, :k]
-    found = search(queries, examples, spec, k)
-    np.testing.assert_array_equal(found.neighbors.indices, order)
-    np.testing.assert_array_equal(found.neighbors.distances, np.take_along_axis(table, order, axis=1))
-    assert 0 < found.share <= 1
+    assert_brute_force(nearest(queries, examples, k, spec), queries, examples, spec, k)
 
 
 def test_search_with_masks_and_pairs_without_a_common_channel() -> None:
@@ -59,32 +62,91 @@ def test_search_with_masks_and_pairs_without_a_common_channel() -> None:
     spec = DtwSpec(window=0.2)
     table = warping_distances(queries, examples, spec)
     assert np.isinf(table).any()
-    found = nearest(queries, examples, spec, k=3)
-    order = np.argsort(table, axis=1, kind="stable")[:, :3]
-    np.testing.assert_array_equal(found.indices, order)
+    assert_brute_force(nearest(queries, examples, 3, spec), queries, examples, spec, 3)
+    # More neighbours than there are examples at a finite distance.
+    assert_brute_force(nearest(queries, examples, 80, spec), queries, examples, spec, 80)
 
 
 def test_search_in_parts_under_masks_and_by_a_kernel_that_only_knows_tables(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(engine, "PAIRS_AT_ONCE", 90)
+    monkeypatch.setattr(search, "_PAIRS_AT_ONCE", 90)
     rng = np.random.default_rng(3)
     queries, examples = walks(rng, 7, 1, 24), walks(rng, 40, 1, 24)
     inner = np.abs(np.subtract.outer(np.arange(9), np.arange(9)))
     holes = (inner < 5) & ~((inner == 0) & (np.arange(9) == 4))
     for spec in (DtwSpec(mask=inner < 3), DtwSpec(mask=holes, root=True), DtwSpec(gamma=0.5)):
-        table = warping_distances(queries, examples, spec)
-        order = np.argsort(table, axis=1, kind="stable")[:, :2]
         for kernel in ("auto", "numpy"):
-            found = search(queries, examples, spec, 2, kernel)
-            np.testing.assert_array_equal(found.neighbors.indices, order)
-            assert 0 < found.share <= 1 and (spec.gamma is None or found.share == 1)
+            assert_brute_force(nearest(queries, examples, 2, spec, kernel), queries, examples, spec, 2)
 
 
-def test_bounds_save_cells_under_a_band() -> None:
+@pytest.mark.parametrize("spec", [DtwSpec(window=0.2), DtwSpec(gamma=0.5)], ids=["hard", "soft"])
+def test_examples_are_prepared_once_and_searched_among_some(spec: DtwSpec) -> None:
+    rng = np.random.default_rng(5)
+    examples = walks(rng, 50, 2)
+    index = ExampleIndex(examples, spec)
+    for dtype in (np.float32, np.float64, np.float32):
+        queries = [walk.astype(dtype) for walk in walks(rng, 4, 2)]
+        assert_brute_force(index.nearest(queries, 3), queries, examples, spec, 3)
+        among = rng.random((4, 50)) < 0.1
+        among[0] = False
+        among[1, 7] = True
+        found = index.nearest(queries, 6, among)
+        assert_brute_force(found, queries, examples, spec, 6, among)
+        assert np.isinf(found.distances[0]).all() and found.indices[0].tolist() == [0, 1, 2, 3, 4, 5]
+    with pytest.raises(InputError, match=r"among has shape \(4, 3\), expected \(4, 50\)"):
+        index.nearest(queries, 1, np.ones((4, 3), bool))
+
+
+def test_a_query_is_refused_as_it_is_by_distances() -> None:
+    index = ExampleIndex([np.zeros((5, 2)), np.zeros((30, 2))], DtwSpec(window=0))
+    with pytest.raises(InputError, match="queries have 3 dimensions, examples 2"):
+        index.nearest([np.zeros((4, 3))])
+    with pytest.raises(WarpingError, match=r"query 0 \(5 frames\) and example 1 \(30 frames\)"):
+        index.nearest([np.zeros((5, 2))])
+    with pytest.raises(InputError, match=r"one array of shape \(4, 2\)"):
+        index.nearest(np.zeros((4, 2)))  # type: ignore[arg-type]
+
+
+class CountingIndex(ExampleIndex):
+    """Counts the pairs that are warped."""
+
+    warped = 0
+
+    def _within(self, queries, examples, qi, ei, limits):  # type: ignore[no-untyped-def]
+        self.warped += len(qi)
+        return super()._within(queries, examples, qi, ei, limits)
+
+
+@pytest.mark.parametrize("kernel", ["auto", "numpy"])
+def test_bounds_save_warpings_under_a_band(kernel: str) -> None:
     rng = np.random.default_rng(2)
-    found = search(walks(rng, 20, 1, 80), walks(rng, 400, 1, 80), DtwSpec(window=0.1))
-    assert found.share < 0.3
+    queries, examples = walks(rng, 20, 1, 80), walks(rng, 400, 1, 80)
+    index = CountingIndex(examples, DtwSpec(window=0.1), kernel)
+    assert_brute_force(index.nearest(queries), queries, examples, index.spec, 1)
+    assert index.warped < 0.3 * 20 * 400
+
+
+class Broken:
+    """A kernel of which one distance is NaN."""
+
+    def supports(self, spec: DtwSpec) -> bool:
+        return True
+
+    def prepare(self, examples: SignalBatch, spec: DtwSpec) -> SignalBatch:
+        return examples
+
+    def distances(self, state: SignalBatch, queries: SignalBatch) -> np.ndarray:
+        values = np.ones((len(queries), len(state)))
+        values[0, -1] = np.nan
+        return values
+
+
+@pytest.mark.parametrize("spec", [DtwSpec(), DtwSpec(gamma=1.0)], ids=["hard", "soft"])
+def test_a_kernel_is_held_to_its_contract(monkeypatch: pytest.MonkeyPatch, spec: DtwSpec) -> None:
+    monkeypatch.setattr(search, "choose_kernel", lambda *_: ("broken", Broken()))
+    with pytest.raises(PluginError, match="E_PLUGIN_CONTRACT distance kernel 'broken' returned"):
+        nearest([np.zeros(3)] * 2, [np.zeros(3)] * 4, spec=spec)
 
 
 def test_wrong_k_is_refused() -> None:
@@ -111,10 +173,7 @@ def test_search_among_squares_that_are_too_small_to_be_told_apart(mode: str) -> 
     spec = DtwSpec(mode=mode, cost="squared", reduce="sum")  # type: ignore[arg-type]
     examples = [np.float32(1e-25) * walk for walk in walks(rng, 50, 2)]
     examples.append(np.ones((30, 2), np.float32))
-    table = warping_distances(examples[:5], examples, spec)
-    found = nearest(examples[:5], examples, spec, 3)
-    order = np.argsort(table, axis=1, kind="stable")[:, :3]
-    np.testing.assert_array_equal(found.indices, order)
+    assert_brute_force(nearest(examples[:5], examples, 3, spec), examples[:5], examples, spec, 3)
 
 
 @pytest.mark.parametrize(("dtype", "unit"), [(np.float32, 1e-25), (np.float64, 1e-170)])

@@ -5,16 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gesture_core.dtw.barycenter import DBA, SOFT, dba, soft_barycenter
-from gesture_core.dtw.distances import warping_distances
-from gesture_core.dtw.paths import warping_path
+from gesture_core.dtw import (
+    DtwSpec,
+    barycenter,
+    soft_divergence,
+    soft_warping,
+    soft_warping_gradient,
+    warping_distances,
+    warping_path,
+)
 from gesture_core.dtw.reference import local_costs, reference_distance
-from gesture_core.dtw.soft import soft_divergence, soft_gradients
-from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError, InputError, WarpingError
 from gesture_core.plugin import registry
 from gesture_core.types import Signals
 
+DBA = DtwSpec(mode="dependent", cost="squared", reduce="sum")
+SOFT = DBA.replace(gamma=1.0)
 SOFT_KERNELS = [name for name in registry().names("kernel", usable=True) if name != "fastdtw"]
 
 
@@ -40,7 +46,7 @@ def test_jax_grad(cost: str, gamma: float) -> None:
             for part in jax.grad(lambda a, b: soft_dtw(a, b, gamma, cost).sum(), argnums=(0, 1))(x, y)
         )
     for pair in range(2):
-        found = soft_gradients([x[pair]], [y[pair]], spec, kernel="numpy")
+        found = soft_warping_gradient([x[pair]], [y[pair]], spec, kernel="numpy")
         assert values[pair] == pytest.approx(reference_distance(x[pair], y[pair], spec), abs=1e-10)
         np.testing.assert_allclose(of_x[pair], found.queries[0], atol=1e-9)
         np.testing.assert_allclose(of_y[pair], found.examples[0], atol=1e-9)
@@ -91,7 +97,9 @@ def test_divergence_is_that_of_the_dimensions_that_a_pair_is_compared_on(mode: s
 @pytest.mark.parametrize("name", SOFT_KERNELS)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("gamma", [1e-300, 1e-13, 1e-6])
-def test_hardly_soft_gradients_are_those_of_the_hard_path(name: str, dtype: type, gamma: float) -> None:
+def test_hardly_soft_warping_gradient_are_those_of_the_hard_path(
+    name: str, dtype: type, gamma: float
+) -> None:
     rng = np.random.default_rng(3)
     x, y = (np.cumsum(rng.normal(size=(n, 2)), axis=0).astype(dtype) for n in (40, 47))
     path = warping_path(x, y, DBA)
@@ -99,7 +107,7 @@ def test_hardly_soft_gradients_are_those_of_the_hard_path(name: str, dtype: type
     slope = 2 * (x[path[:, 0]].astype(np.float64) - y[path[:, 1]])
     np.add.at(of_x, path[:, 0], slope)
     np.add.at(of_y, path[:, 1], -slope)
-    found = soft_gradients([x], [y], DBA.replace(gamma=gamma), kernel=name)
+    found = soft_warping_gradient([x], [y], DBA.replace(gamma=gamma), kernel=name)
     accuracy = {"rtol": 0, "atol": np.abs(slope).max() * 4 * np.finfo(dtype).eps}
     np.testing.assert_allclose(found.queries[0], of_x, **accuracy)
     np.testing.assert_allclose(found.examples[0], of_y, **accuracy)
@@ -110,7 +118,9 @@ def test_single_precision_gradients_of_long_series(gamma: float) -> None:
     rng = np.random.default_rng(1)
     x, y = (np.cumsum(rng.normal(size=(300, 3)), axis=0).astype(np.float32) for _ in range(2))
     spec = DBA.replace(gamma=gamma)
-    single, double = (soft_gradients([x.astype(d)], [y.astype(d)], spec) for d in (np.float32, np.float64))
+    single, double = (
+        soft_warping_gradient([x.astype(d)], [y.astype(d)], spec) for d in (np.float32, np.float64)
+    )
     assert single.queries[0].dtype == np.float32
     largest = np.abs(double.queries[0]).max()
     assert np.abs(single.queries[0] - double.queries[0]).max() < 1e-6 * largest
@@ -118,7 +128,7 @@ def test_single_precision_gradients_of_long_series(gamma: float) -> None:
 
 def test_gradients_need_softness() -> None:
     with pytest.raises(ConfigError, match=r"without dtw\.gamma"):
-        soft_gradients(bumps(), bumps(), DBA)
+        soft_warping_gradient(bumps(), bumps(), DBA)
 
 
 def test_a_path_costs_what_the_distance_says() -> None:
@@ -180,36 +190,58 @@ def test_paths_of_signals_leave_out_what_is_not_compared() -> None:
 
 def test_barycenters_are_nearer_than_members() -> None:
     series = bumps()
-    hard = warping_distances([dba(series)], series, DBA).sum()
+    hard = warping_distances([barycenter(series)], series, DBA).sum()
     assert hard <= warping_distances(series, series, DBA).sum(axis=1).min()
-    found = soft_barycenter(series, start=series[0], iterations=20)
-    soft = warping_distances([found, series[0]], series, SOFT).sum(axis=1)
+    found = barycenter(series, SOFT, start=series[0], iterations=20)
+    soft = soft_warping([found, series[0]], series).sum(axis=1)
     assert soft[0] < soft[1]
+
+
+@pytest.mark.parametrize("spec", [DBA, SOFT], ids=["hard", "soft"])
+def test_a_weight_counts_as_often_as_a_series_is_there(spec: DtwSpec) -> None:
+    series = bumps(3)
+    weighted = barycenter(series, spec, weights=[0.5, 0.25, 0.25], start=series[1])
+    repeated = barycenter([series[0], *series], spec, start=series[1])
+    np.testing.assert_allclose(weighted, repeated, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("weights", [[1.0, 1.0], [1.0, 1.0, -1.0], [0.0, 0.0, 0.0], [1.0, 1.0, np.nan]])
+def test_weights_that_average_nothing_are_refused(weights: list[float]) -> None:
+    with pytest.raises(InputError, match="expected 3 numbers"):
+        barycenter(bumps(3), weights=weights)
+
+
+@pytest.mark.parametrize("spec", [DtwSpec(cost="squared"), DtwSpec(mode="dependent")], ids=str)
+def test_only_what_has_an_average_is_averaged(spec: DtwSpec) -> None:
+    with pytest.raises(ConfigError, match="dependent, squared costs only"):
+        barycenter(bumps(), spec)
 
 
 def test_a_weighted_barycenter_goes_on_until_the_weighted_cost_stands() -> None:
     rng = np.random.default_rng(0)
     series = [np.cumsum(rng.normal(size=(20 + i, 2)), axis=0) for i in range(4)]
     spec = DBA.replace(weights=(1000.0, 0.001))
-    found = dba(series, spec, tolerance=1e-9)
-    again = dba(series, spec, start=found, tolerance=1e-9)
+    found = barycenter(series, spec, tolerance=1e-9)
+    again = barycenter(series, spec, start=found, tolerance=1e-9)
     np.testing.assert_allclose(again, found)
 
 
 def test_a_first_barycenter_of_one_dimension_may_be_flat() -> None:
     series = [np.sin(np.linspace(0, 3, n)) for n in (9, 12)]
-    np.testing.assert_array_equal(dba(series, start=series[0]), dba(series, start=series[0][:, None]))
-    assert soft_barycenter(series, start=series[0], iterations=1, kernel="numpy").shape == (9, 1)
+    np.testing.assert_array_equal(
+        barycenter(series, start=series[0]), barycenter(series, start=series[0][:, None])
+    )
+    assert barycenter(series, SOFT, start=series[0], iterations=1, kernel="numpy").shape == (9, 1)
 
 
 @pytest.mark.parametrize("weights", [np.ones(5), np.ones((1, 5)), np.full((5, 5), np.nan)])
 def test_weights_that_fit_no_pairs_are_refused(weights: np.ndarray) -> None:
     with pytest.raises(InputError, match=r"expected \(5, 5\) finite numbers"):
-        soft_gradients(bumps(), bumps(), SOFT, weights, "numpy")
+        soft_warping_gradient(bumps(), bumps(), SOFT, weights, "numpy")
 
 
 def test_what_is_masked_is_not_averaged() -> None:
     series = [np.arange(4.0), np.ma.masked_array(np.arange(4.0), [False, True, False, False])]
-    for average in (dba, soft_barycenter):
+    for spec in (DBA, SOFT):
         with pytest.raises(InputError, match="E_NOT_FINITE series 1 has masked values"):
-            average(series)
+            barycenter(series, spec)

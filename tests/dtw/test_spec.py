@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from gesture_core.dtw.bands import row_bounds
-from gesture_core.dtw.distances import warping_distances
+from gesture_core.dtw import (
+    DtwSpec,
+    barycenter,
+    nearest,
+    soft_divergence,
+    soft_warping,
+    soft_warping_gradient,
+    warping_distance,
+    warping_distances,
+    warping_path,
+)
+from gesture_core.dtw.bands import row_spans
 from gesture_core.dtw.reference import reference_distance
-from gesture_core.dtw.search import nearest
-from gesture_core.dtw.soft import soft_divergence, soft_gradients
-from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
 
 
@@ -25,7 +33,7 @@ def test_a_radius_of_one_frame_is_not_the_whole_table(order: tuple[float, float]
         inside = [
             np.abs(i - j) <= window * (9 if isinstance(window, float) else 1) for i, j in np.ndindex(9, 9)
         ]
-        low, high = row_bounds(9, 9, spec)
+        low, high = row_spans(9, np.array([9]), spec)
         assert (high - low).sum() == sum(inside)
         assert warping_distances([x], [y], spec)[0, 0] == pytest.approx(reference_distance(x, y, spec))
     first, second = (DtwSpec(window=window) for window in order)
@@ -83,7 +91,14 @@ def test_the_outermost_softnesses_give_numbers(gamma: float, dtype: type) -> Non
 
 
 def test_a_specification_is_one() -> None:
-    series = [np.zeros(3)]
-    for call in (warping_distances, nearest, soft_gradients, soft_divergence):
+    one, series, spec = np.zeros(3), [np.zeros(3)], {"cost": "squared"}
+    calls: tuple[Callable[..., object], ...]
+    calls = (warping_distances, nearest, soft_warping, soft_warping_gradient, soft_divergence)
+    for call in calls:
         with pytest.raises(ConfigError, match="E_OPTION"):
-            call(series, series, {"cost": "squared"})  # type: ignore[operator]
+            call(series, series, spec=spec)
+    for call in (warping_distance, warping_path):
+        with pytest.raises(ConfigError, match="E_OPTION"):
+            call(one, one, spec=spec)
+    with pytest.raises(ConfigError, match="E_OPTION"):
+        barycenter(series, spec)  # type: ignore[arg-type]

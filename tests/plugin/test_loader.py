@@ -202,7 +202,7 @@ def test_check_finds_what_only_making_a_plugin_shows(tmp_path: Path) -> None:
     checked = gesture("plugins", "--check", path=tmp_path)
     assert checked.returncode == 3
     shown = " ".join(checked.stdout.split())
-    assert "it must take model, as every pose backend does" in shown
+    assert "its constructor takes no 'model'" in shown
     assert "raised LookupError: nothing here" in shown
     assert "it has no normalize, as every normalizer does" in shown
     (needy,) = (line for line in checked.stdout.splitlines() if " needy " in line)

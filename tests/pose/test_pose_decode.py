@@ -11,7 +11,7 @@ from tiny_networks import constant
 
 from gesture_core.errors import PoseError
 from gesture_core.plugin import registry
-from gesture_core.pose.fields import LIMBS
+from gesture_core.pose.heatmaps import LIMBS
 from gesture_core.pose.models import find_model
 from gesture_core.skeletons import SKELETONS
 

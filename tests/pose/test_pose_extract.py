@@ -12,7 +12,7 @@ from tiny_networks import FIGURE, GREY, constant, dot_network, dot_picture, rand
 from gesture_core.plugin import registry
 from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.extract import extract_poses, open_backend
-from gesture_core.pose.follow import Follower, FollowRules
+from gesture_core.pose.follow import PAUSE, Follower
 from gesture_core.pose.models import find_model
 from gesture_core.settings import load_settings
 
@@ -69,8 +69,8 @@ def test_a_person_who_leaves_and_comes_back_elsewhere_is_found_again(tmp_path: P
     )
     assert (errors(pose.keypoints[:16], places) < 0.2).mean() > 0.95
     assert not pose.seen[18:28].any()
-    # The last search may have been up to `rest` frames before they came back.
-    late = FollowRules().rest - 12
+    # The last search may have been up to `PAUSE` frames before they came back.
+    late = PAUSE - 12
     assert (errors(pose.keypoints[28 + late :], back[late:]) < 0.3).mean() > 0.9
 
 
@@ -97,7 +97,7 @@ def test_searches_for_nobody_are_bounded(tmp_path: Path) -> None:
     empty = [np.full((90, 160, 3), GREY, np.uint8)] * 8
     for _ in range(10):
         assert all(person is None or np.isnan(person.keypoints).all() for person in follower.estimate(empty))
-    assert follower.searches <= 2 + 80 / FollowRules().rest
+    assert follower.searches <= 2 + 80 / PAUSE
 
 
 def test_frames_are_let_go_while_the_video_is_read(tmp_path: Path) -> None:
@@ -189,4 +189,4 @@ def test_settings_choose_the_backend_and_its_options(tmp_path: Path) -> None:
         found = open_backend(load_settings(sets=[*sets, f"pose.backend={name}"], environment={}))
         assert (found.name, found.score, found.height, found.batch_size) == (name, 0.3, 96, batch)
     plain = open_backend(load_settings(sets=[f"pose.model={path}"], environment={}))
-    assert plain.height is None and plain.free_height == plain.contract.default_size
+    assert plain.height is None and plain.provenance["height"] == str(plain.contract.default_size)

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gesture_core.plugin.interfaces import Person
-from gesture_core.pose.body import BELOW, SHOULDERS, Anatomy, Body, Window
-from gesture_core.pose.contracts import ModelContract
+from gesture_core.pose.contract import ModelContract
+from gesture_core.pose.follow import BELOW, SHOULDERS, Anatomy, Body, Window
 from gesture_core.pose.heatmaps import find_peaks, top_peaks
-from gesture_core.pose.letterbox import Letterbox, input_size, to_batch
+from gesture_core.pose.network import Letterbox, input_size, to_batch
 from gesture_core.skeletons import COCO18, SKELETONS
 
 side = st.integers(8, 700)
@@ -155,5 +155,6 @@ def test_every_skeleton_has_an_anatomy(name: str) -> None:
 def test_windows_lie_in_the_frame(x: float, y: float, torso: float, width: int, height: int) -> None:
     window = Window.around(Body(x, y, torso), 1.1, (width, height))
     assert 0 <= window.left < window.right <= width and 0 <= window.top < window.bottom <= height
-    assert min(window.size) >= min(32, width, height) - 1
-    assert window.view(np.zeros((height, width, 3), np.uint8)).shape[1::-1] == window.size
+    size = window.right - window.left, window.bottom - window.top
+    assert min(size) >= min(32, width, height) - 1
+    assert window.view(np.zeros((height, width, 3), np.uint8)).shape[1::-1] == size

@@ -5,10 +5,9 @@ from __future__ import annotations
 import pytest
 
 from gesture_core.errors import ModelError
-from gesture_core.pose.contracts import ModelContract
-from gesture_core.pose.fields import LIMBS
-from gesture_core.pose.known import known_models
-from gesture_core.pose.layouts import Tensor, infer_contract, split_openpose
+from gesture_core.pose.contract import ModelContract, Tensor, infer_contract, split_openpose
+from gesture_core.pose.heatmaps import LIMBS
+from gesture_core.pose.models import known_models
 from gesture_core.skeletons import SKELETONS
 
 IMAGE = Tensor("image", "float32", (None, 3, 256, 256))

@@ -19,11 +19,9 @@ from tiny_networks import dot_network, random_maps
 
 from gesture_core.cli.main import run
 from gesture_core.errors import GestureError, ModelError
-from gesture_core.pose import model_file
-from gesture_core.pose.added import added_names, read_card
-from gesture_core.pose.adding import add_model, verify_models
-from gesture_core.pose.known import known_models
-from gesture_core.pose.models import find_model
+from gesture_core.pose import models as models_module
+from gesture_core.pose.model_store import add_model, downloaded, verify_models
+from gesture_core.pose.models import added_names, find_model, known_models, read_card
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.settings import load_settings
 
@@ -222,7 +220,7 @@ def test_large_files_and_strange_files_are_refused(
     (tmp_path / "folder.onnx").mkdir()
     with pytest.raises(ModelError, match="E_MODEL_FILE"):
         find_model(tmp_path / "folder.onnx")
-    monkeypatch.setattr(model_file, "MAX_BYTES", 100)
+    monkeypatch.setattr(models_module, "MAX_BYTES", 100)
     with pytest.raises(ModelError, match="E_MODEL_SIZE"):
         find_model(network)
 
@@ -260,7 +258,6 @@ def test_a_download_is_asked_for_hashed_and_complete(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    pytest.importorskip("pooch")
     path = dot_network(tmp_path / "site" / "dots.onnx")
     url = f"{server}/dots.onnx"
     assert run(["models", "add", url]) == 2 and "--sha256" in capsys.readouterr().err
@@ -277,9 +274,6 @@ def test_a_download_is_asked_for_hashed_and_complete(
 
 
 def test_a_server_cannot_send_without_end(server: str, tmp_path: Path) -> None:
-    pytest.importorskip("pooch")
-    from gesture_core.pose.download import downloaded
-
     path = dot_network(tmp_path / "site" / "dots.onnx")
     with (
         pytest.raises(ModelError, match="E_MODEL_SIZE"),

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from tiny_networks import FIGURE
 
 from gesture_core.plugin.interfaces import Person
-from gesture_core.pose.fields import LIMBS, AssemblyRules, assemble, find_peaks, limb_scores
-from gesture_core.pose.tracks import Tracker
+from gesture_core.pose.extract import Tracker
+from gesture_core.pose.heatmaps import LIMBS, SAMPLES, assemble, find_peaks, limb_scores
 
 SIZE = (60, 100)
 
@@ -58,28 +58,28 @@ def match(
 def test_people_side_by_side_and_overlapping_are_told_apart() -> None:
     people = [figure(2, 4, 48), figure(20, 8, 46), figure(55, 2, 40)]
     maps, fields = draw(people)
-    match(assemble(maps[None], fields[None], "coco18", AssemblyRules())[0], people)
+    match(assemble(maps[None], fields[None], "coco18", 0.1)[0], people)
 
 
 def test_a_person_with_hidden_joints_keeps_the_others() -> None:
     one, two = figure(2, 4, 48), figure(50, 4, 48)
     one[[3, 4, 16]] = np.nan
     maps, fields = draw([one, two])
-    match(assemble(maps[None], fields[None], "coco18", AssemblyRules())[0], [one, two])
+    match(assemble(maps[None], fields[None], "coco18", 0.1)[0], [one, two])
 
 
 def test_each_picture_of_a_batch_has_its_own_people() -> None:
     pictures = [[figure(2, 4, 48)], [figure(50, 4, 48), figure(2, 4, 40)], [figure(30, 4, 50)]]
     drawn = [draw(people) for people in pictures]
     maps, fields = (np.stack(part) for part in zip(*drawn, strict=True))
-    for found, people in zip(assemble(maps, fields, "coco18", AssemblyRules()), pictures, strict=True):
+    for found, people in zip(assemble(maps, fields, "coco18", 0.1), pictures, strict=True):
         match(found, people)
 
 
 def test_an_empty_picture_has_nobody_and_lone_joints_are_no_person() -> None:
     maps, fields = draw([figure(2, 4, 48)])
-    assert assemble(np.zeros_like(maps)[None], fields[None], "coco18", AssemblyRules()) == [[]]
-    assert assemble(maps[None], np.zeros_like(fields)[None], "coco18", AssemblyRules()) == [[]]
+    assert assemble(np.zeros_like(maps)[None], fields[None], "coco18", 0.1) == [[]]
+    assert assemble(maps[None], np.zeros_like(fields)[None], "coco18", 0.1) == [[]]
 
 
 @settings(max_examples=30, deadline=None)
@@ -88,7 +88,7 @@ def test_one_person_is_found_at_any_place_and_size(size: float, x: float, y: flo
     person = figure(x + 2, y + 3, size)
     person[hidden] = np.nan
     maps, fields = draw([person])
-    match(assemble(maps[None], fields[None], "coco18", AssemblyRules())[0], [person])
+    match(assemble(maps[None], fields[None], "coco18", 0.1)[0], [person])
 
 
 def test_a_plateau_is_one_peak() -> None:
@@ -98,20 +98,21 @@ def test_a_plateau_is_one_peak() -> None:
     assert len(n) == 1 and scores[0] == 0.5
 
 
-def test_the_line_integral_is_that_of_a_slow_reference() -> None:
+def test_the_line_integral_is_that_of_a_slow_reference(monkeypatch: pytest.MonkeyPatch) -> None:
     random = np.random.default_rng(1)
     field = random.normal(size=(2, 20, 30))
     starts, ends = random.uniform(0, 19, (4, 2)), random.uniform(0, 19, (5, 2))
-    rules = AssemblyRules(share=0.0, along=-10)
-    got = limb_scores(field, starts, ends, rules)
+    monkeypatch.setattr("gesture_core.pose.heatmaps.SHARE", 0.0)
+    monkeypatch.setattr("gesture_core.pose.heatmaps.ALONG", -10)
+    got = limb_scores(field, starts, ends)
     for i, a in enumerate(starts):
         for j, b in enumerate(ends):
             unit = (b - a) / np.linalg.norm(b - a)
             total = 0.0
-            for t in np.linspace(0, 1, rules.samples):
+            for t in np.linspace(0, 1, SAMPLES):
                 x, y = np.rint(a + t * (b - a)).astype(int)
                 total += field[0, y, x] * unit[0] + field[1, y, x] * unit[1]
-            want = total / rules.samples + min(15 / np.linalg.norm(b - a) - 1, 0)
+            want = total / SAMPLES + min(15 / np.linalg.norm(b - a) - 1, 0)
             assert got[i, j] == pytest.approx(max(want, 0), abs=1e-6)
 
 

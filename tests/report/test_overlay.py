@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from tiny_networks import FIGURE, GREY, dot_network, dot_picture
 
 from gesture_core.cli.main import run
 from gesture_core.errors import MediaError
-from gesture_core.report.overlay import LEFT, RIGHT, draw_pose, overlay, write_strip, write_video
+from gesture_core.report.overlay import draw_pose, overlay, side_colour, write_strip, write_video
 from gesture_core.skeletons import COCO18, SKELETONS
 from gesture_core.types import PoseSequence
 
@@ -33,9 +34,9 @@ def test_each_side_has_its_colour_and_missing_joints_are_left_out() -> None:
     picture = np.zeros((120, 120, 3), np.uint8)
     draw_pose(picture, points, COCO18)
     x, y = np.rint(points[COCO18.index("right_wrist")]).astype(int)
-    assert tuple(picture[y, x]) == RIGHT
+    assert tuple(picture[y, x]) == side_colour("right_wrist") == (0, 159, 230)
     x, y = np.rint(points[COCO18.index("left_elbow")]).astype(int)
-    assert tuple(picture[y, x]) == LEFT
+    assert tuple(picture[y, x]) == side_colour("left_elbow") == (233, 180, 86)
     x, y = np.rint(FIGURE[7] * 100 + (10, 10)).astype(int)
     assert not picture[y, x].any()
 
@@ -98,7 +99,7 @@ def test_a_video_keeps_the_times_of_its_frames(tmp_path: Path) -> None:
 def test_a_failure_leaves_no_half_a_video(tmp_path: Path) -> None:
     pytest.importorskip("av")
 
-    def broken():
+    def broken() -> Iterator[tuple[float, np.ndarray]]:
         yield frames()[0]
         raise RuntimeError("the reader failed")
 
@@ -118,6 +119,7 @@ def test_a_strip_shows_the_beginning_and_the_end(count: int, tmp_path: Path) -> 
     pictures = ((float(i), np.full((60, 80, 3), 2 * i, np.uint8)) for i in range(count))
     assert write_strip(pictures, tmp_path / "out.png", pictures=8, height=30) == count
     strip = cv2.imread(str(tmp_path / "out.png"))
+    assert strip is not None
     assert strip.shape == (30, 40 * min(count, 8), 3)
     shown = strip[0, ::40, 0].astype(int)
     assert (np.diff(shown) > 0).all() and shown[0] == 0 and shown[-1] >= 2 * 0.8 * (count - 1)
@@ -147,4 +149,4 @@ def test_the_command_renders_a_video(
     assert "is not one video" in capsys.readouterr().err
     write_video([(t, np.full_like(frame, GREY)) for t, frame in moving], tmp_path / "dark.mp4")
     assert run(["render", "dark.mp4", "--model", str(network)]) == 1
-    assert "E_POSE_NONE" in capsys.readouterr().err
+    assert "E_NO_PERSON" in capsys.readouterr().err

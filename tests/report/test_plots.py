@@ -26,7 +26,7 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_a_dollar_is_a_dollar_and_other_writings_have_a_font(shown: list[str], tmp_path: Path) -> None:
-    from gesture_core.report.plots import new_figure, save
+    from gesture_core.report.style import new_figure, save
 
     figure = new_figure(3, 2)
     axes = figure.add_subplot()

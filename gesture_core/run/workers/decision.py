@@ -1,12 +1,14 @@
-"""Examples become a classifier, keypoints become predictions; what fails costs its own row only."""
+"""Examples are fitted, keypoints become predictions; what fails costs its own row only."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from gesture_core.classify.estimator import GestureClassifier
+from gesture_core.classify.comparison import check_settings
+from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.settings import Settings
@@ -14,7 +16,7 @@ from gesture_core.types import PoseSequence, Prediction, Signals
 
 
 class Decider:
-    """A classifier that is given its examples one by one, and decides.
+    """A recognizer that is given its examples one by one, and decides.
 
     Parameters
     ----------
@@ -30,10 +32,12 @@ class Decider:
         from gesture_core.dtw.distances import choose_kernel
         from gesture_core.signals.chain import Chain
 
+        check_settings(settings)
         Chain.from_settings(settings)
         self.kernel, _ = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)
         self._entry = registry().find("kernel", self.kernel)
-        self._classifier = GestureClassifier(settings)
+        self._settings = replace(settings, classify=replace(settings.classify, kernel=self.kernel))
+        self._recognizer: Recognizer | None = None
         self._signals: list[Signals] = []
         self._labels: list[str] = []
         self._names: list[str] = []
@@ -42,7 +46,7 @@ class Decider:
         """Take the first person of an example; a GestureError says why that cannot be."""
         if not people:
             raise PoseError("nobody was found", subject=name, code="E_NO_PERSON")
-        (signals,) = self._classifier.signals(people[:1])
+        (signals,) = signals_of(people[:1], self._settings, "sequence")
         assert isinstance(signals, Signals)
         for known, other, twin in zip(self._signals, self._labels, self._names, strict=True):
             if other != label and np.array_equal(known.values, signals.values):
@@ -62,15 +66,18 @@ class Decider:
         ``alive`` is called while they are compared with each other.
         """
         with calling(self._entry, kept="the keypoints", remedy="another --kernel, or report it"):
-            self._classifier.fit(self._signals, self._labels, self._names, alive=alive)
+            self._recognizer = Recognizer.fit(
+                self._settings, self._signals, self._labels, self._names, alive=alive
+            )
 
     def predict(self, poses: Sequence[PoseSequence]) -> list[Prediction]:
         """One prediction for each of ``poses``, together; one by one where that fails."""
         if not poses:
             return []
+        assert self._recognizer is not None, "fit comes first"
         try:
             with calling(self._entry, remedy="another --kernel, or report it"):
-                return self._classifier.predictions(poses)
+                return self._recognizer.predictions(poses)
         except ConfigError:
             raise
         except GestureError as error:

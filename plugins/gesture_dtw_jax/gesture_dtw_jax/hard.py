@@ -10,14 +10,14 @@ the next).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from gesture_core.dtw.lanes import far, unreached
+from gesture_core.dtw.batches import FAR, UNREACHED
 from gesture_dtw_jax.tiles import ROWS, Tile
 
 STEPS = 3
@@ -26,21 +26,25 @@ MANY = 8
 """Dimensions from which on local costs hide the copies, and one step compiles in a third of the time."""
 
 
+barrier: Callable[[Array], Array] = lax.optimization_barrier
+
+
 @partial(jax.jit, static_argnames="cost")
-def hard_tile(tile: Tile, cost: str) -> Array:
+def hard_tile(tile: Tile[Array], cost: str) -> Array:
     """(W,) accumulated cost at the tile's last cell."""
     frames, channels, width = tile.y.shape
     count = STEPS if channels < MANY else 1
-    border = jnp.asarray(unreached(tile.x.dtype), tile.x.dtype)
+    border = jnp.asarray(UNREACHED[tile.x.dtype], tile.x.dtype)
     # Row r of step k meets column k - r: row r of a window into the reversed y.
     around = ((ROWS + count, ROWS + count), (0, 0), (0, 0))
-    flipped = jnp.pad(tile.y[::-1], around, constant_values=far(tile.y.dtype))
+    flipped = jnp.pad(tile.y[::-1], around, constant_values=FAR[tile.y.dtype])
 
     def block(index: Array, above: Array) -> Array:
         """The row below a block, given the row above it; both hold column j at j + 1."""
         rows = partial(lax.dynamic_slice_in_dim, start_index=index * ROWS, slice_size=ROWS)
         x = rows(tile.x)
-        low, high = (None, None) if tile.low is None else (rows(tile.low), rows(tile.high))
+        low = None if tile.low is None else rows(tile.low)
+        high = None if tile.high is None else rows(tile.high)
         first = tile.start[index]
 
         def steps(turn: Array, carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
@@ -59,7 +63,7 @@ def hard_tile(tile: Tile, cost: str) -> Array:
                     column = k - jnp.arange(ROWS, dtype=jnp.int32)[:, None]
                     now = jnp.where((column >= low) & (column < high), now, border)
                 entered = lax.dynamic_slice_in_dim(above, k + 2, 1)
-                before, last = last, lax.optimization_barrier(jnp.concatenate([entered, now]))
+                before, last = last, barrier(jnp.concatenate([entered, now]))
                 left = jnp.maximum(k - ROWS + 2, 0)
                 below = lax.dynamic_update_slice_in_dim(below, last[-1:], left, 0)
             return last, before, below
@@ -68,12 +72,13 @@ def hard_tile(tile: Tile, cost: str) -> Array:
         last = empty.at[0].set(above[first + 1])
         before = empty.at[0].set(above[first])
         turns = (tile.stop[index] - first + ROWS - 1 + count - 1) // count
-        below = lax.fori_loop(0, turns, steps, (last, before, jnp.full_like(above, border)))[2]
+        below: Array = lax.fori_loop(0, turns, steps, (last, before, jnp.full_like(above, border)))[2]
         # Steps at which the last row has not yet entered the table have left their values here.
         return below.at[0].set(border)
 
     above = jnp.full((frames + ROWS + count, width), border).at[0].set(0)
-    return lax.fori_loop(0, tile.blocks, block, above)[tile.columns]
+    table_end: Array = lax.fori_loop(0, tile.blocks, block, above)
+    return table_end[tile.columns]
 
 
 def lesser(a: Array, b: Array) -> Array:

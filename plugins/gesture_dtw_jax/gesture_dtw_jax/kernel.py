@@ -5,7 +5,8 @@ from __future__ import annotations
 import jax
 import numpy as np
 
-from gesture_core.dtw.lanes import LaneKernel, Lanes
+from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
+from gesture_core.plugin.interfaces import DeviceKernel
 from gesture_dtw_jax.hard import hard_tile
 from gesture_dtw_jax.soft import soft_tile, soft_tile_gradients
 from gesture_dtw_jax.tiles import WIDTHS, make_tile
@@ -14,7 +15,7 @@ LANES_TIMES_WIDTH = 2048
 """Upper limit of lanes times dimensions of a tile wider than the narrowest: its blocks stay in the cache."""
 
 
-class JaxKernel(LaneKernel):
+class JaxKernel(GradientLaneKernel, DeviceKernel):
     """Warping distances on JAX's default device, in the dtype of the batches.
 
     One program is compiled for each bucket of lengths (a power of two), tile width, cost, dtype,

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from gesture_core.dtw.lanes import unreached
+from gesture_core.dtw.batches import UNREACHED
 from gesture_dtw_jax.hard import local_cost
 from gesture_dtw_jax.tiles import Tile
 
@@ -36,16 +36,18 @@ def soft_dtw(x: Array, y: Array, gamma: float = 1.0, cost: str = "squared") -> A
 
 
 @partial(jax.jit, static_argnames="cost")
-def soft_tile(tile: Tile, cost: str) -> Array:
+def soft_tile(tile: Tile[Array], cost: str) -> Array:
     """(W,) soft accumulated cost at each lane's own last cell."""
+    assert tile.gamma is not None
     return soft_lanes(tile.x, tile.y, tile.n, tile.m, tile.low, tile.high, tile.gamma, cost)
 
 
 @partial(jax.jit, static_argnames="cost")
-def soft_tile_gradients(tile: Tile, cost: str) -> tuple[Array, Array, Array]:
+def soft_tile_gradients(tile: Tile[Array], cost: str) -> tuple[Array, Array, Array]:
     """(W,), (T, C, W), (T, C, W): values, and their gradients with respect to x and y."""
 
     def values(x: Array, y: Array) -> Array:
+        assert tile.gamma is not None
         return soft_lanes(x, y, tile.n, tile.m, tile.low, tile.high, tile.gamma, cost)
 
     found, pull = jax.vjp(values, tile.x, tile.y)
@@ -57,7 +59,7 @@ def soft_lanes(
 ) -> Array:
     """(P,) soft accumulated cost of (n_max, C, P) with (m_max, C, P), each lane up to its lengths."""
     rows, columns, lanes = x.shape[0], y.shape[0], x.shape[2]
-    border = jnp.asarray(unreached(x.dtype), x.dtype)
+    border = jnp.asarray(UNREACHED[x.dtype], x.dtype)
     index = jnp.arange(rows)
     # Diagonal k meets row i in column k - i: row i of a window into the reversed, padded y.
     flipped = jnp.pad(y[::-1], ((rows, rows), (0, 0), (0, 0)))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
+from jax import Array
 
-from gesture_core.dtw.lanes import UNBOUNDED, Lanes, far
+from gesture_core.dtw.batches import FAR
+from gesture_core.dtw.lanes import UNBOUNDED, Lanes
 
 ROWS = 8
 """Rows of the warping table that one pass over the columns computes."""
@@ -16,8 +18,13 @@ SHORTEST = 32
 """Frames of the smallest bucket: what is shorter is not worth a program of its own."""
 
 
-class Tile(NamedTuple):
+A = TypeVar("A", np.ndarray, Array)
+
+
+class Tile(NamedTuple, Generic[A]):
     """`Lanes` padded to a bucket's shape; T is a power of two, W one of `WIDTHS`.
+
+    Of NumPy's arrays outside compiled functions and of JAX's inside.
 
     Attributes
     ----------
@@ -31,20 +38,20 @@ class Tile(NamedTuple):
         The tile's own number of row blocks and columns.
     """
 
-    x: np.ndarray
-    y: np.ndarray
-    n: np.ndarray
-    m: np.ndarray
-    low: np.ndarray | None
-    high: np.ndarray | None
-    gamma: np.ndarray | None
-    start: np.ndarray
-    stop: np.ndarray
+    x: A
+    y: A
+    n: A
+    m: A
+    low: A | None
+    high: A | None
+    gamma: A | None
+    start: A
+    stop: A
     blocks: int
     columns: int
 
 
-def make_tile(lanes: Lanes) -> Tile:
+def make_tile(lanes: Lanes) -> Tile[np.ndarray]:
     """Pad ``lanes`` to the next bucket.
 
     Every lane's value reaches the tile's last cell: either the lane fills the tile exactly, or
@@ -57,7 +64,7 @@ def make_tile(lanes: Lanes) -> Tile:
     blocks = -(-rows // ROWS)
     frames = max(SHORTEST, 1 << (max(blocks * ROWS, columns) - 1).bit_length())
     width = next(width for width in WIDTHS if width >= len(lanes))
-    padding = far(lanes.x.dtype)
+    padding = FAR[lanes.x.dtype]
     n, m = _pad(lanes.n.astype(np.int32), (width,), 1), _pad(lanes.m.astype(np.int32), (width,), 1)
     start = np.zeros(frames // ROWS, np.int32)
     stop = np.full_like(start, columns)

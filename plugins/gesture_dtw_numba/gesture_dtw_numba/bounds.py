@@ -2,46 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
-import numpy as np
-
-from gesture_dtw_numba.compiled import compiled, sources
+from gesture_dtw_numba.compiled import compiled
 
 
-@cache
-def compiled_keogh() -> Callable[..., int]:
-    """The compiled function; it returns the checksum of the code that it was compiled from.
-
-    It sets ``out`` (N, D) to the sums over frames of what ``query`` (D, n) lies outside
-    ``lower`` and ``upper`` (N, D, n) by, squared where asked. All float64. The order of a sum is the
-    compiler's choice: bounds have a margin for it.
-    """
-    version = sources()
-
-    def keogh(query: Any, lower: Any, upper: Any, squared: Any, out: Any) -> int:
-        count, width, frames = lower.shape
-        for example in range(count):
-            for d in range(width):
-                low, high, x = lower[example, d], upper[example, d], query[d]
-                total = 0.0
-                if squared:
-                    for i in range(frames):
-                        outside = max(max(x[i] - high[i], low[i] - x[i]), 0.0)
-                        total += outside * outside
-                else:
-                    for i in range(frames):
-                        total += max(max(x[i] - high[i], low[i] - x[i]), 0.0)
-                out[example, d] = total
-        return version
-
-    return compiled(keogh, fastmath={"reassoc", "nnan", "nsz"})
+def _keogh(query: Any, lower: Any, upper: Any, squared: Any, out: Any) -> None:
+    count, width, frames = lower.shape
+    for example in range(count):
+        for d in range(width):
+            low, high, x = lower[example, d], upper[example, d], query[d]
+            total = 0.0
+            if squared:
+                for i in range(frames):
+                    outside = max(max(x[i] - high[i], low[i] - x[i]), 0.0)
+                    total += outside * outside
+            else:
+                for i in range(frames):
+                    total += max(max(x[i] - high[i], low[i] - x[i]), 0.0)
+            out[example, d] = total
 
 
-def keogh(query: np.ndarray, lower: np.ndarray, upper: np.ndarray, squared: bool) -> np.ndarray:
-    """(N, D) sums; see `gesture_core.dtw.bounds.keogh`."""
-    out = np.empty(lower.shape[:2])
-    compiled_keogh()(query, lower, upper, squared, out)
-    return out
+keogh = compiled(_keogh, fastmath={"reassoc", "nnan", "nsz"})
+"""``keogh(query, lower, upper, squared, out)`` sets ``out`` (N, D) to the sums over frames of how far
+``query`` (D, n) lies outside ``lower`` and ``upper`` (N, D, n), squared where asked. All float64. The
+order of a sum is the compiler's choice: bounds have a margin for it."""

@@ -18,20 +18,26 @@ ROWS = 4
 
 @cache
 def sources() -> int:
-    """A checksum of the plugin's code: part of the key under which machine code is kept on disk."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
-    return zlib.crc32(b"".join(file.read_bytes() for file in files))
+    """A checksum of the plugin's code."""
+    checksum = 0
+    for file in sorted(Path(__file__).parent.glob("*.py")):
+        checksum = zlib.crc32(file.read_bytes(), checksum)
+    return checksum
 
 
-def compiled(function: Callable[..., Any], **more: Any) -> Callable[..., Any]:
+def compiled(function: Callable[..., None], **more: Any) -> Callable[..., None]:
     """Compile ``function`` to run without the interpreter's lock, and keep the machine code on disk.
 
     It is kept beside the package or, where that is read-only, in the user's cache folder
-    (``NUMBA_CACHE_DIR`` overrides both). Where neither can be written, each process compiles for
-    itself. No fast-math unless ``more`` asks for it: a value has the same bits on every path.
+    (``NUMBA_CACHE_DIR`` overrides both), under a name with the checksum of the plugin's code: Numba
+    itself notices changes in the function's own file alone. Where no folder can be written, each
+    process compiles for itself. No fast-math unless ``more`` asks for it: a value has the same bits
+    on every path.
     """
+    function.__qualname__ = f"{function.__qualname__}_{sources():08x}"
     options = {"nogil": True, "error_model": "numpy", **more}
     try:
-        return njit(function, cache=True, **options)
-    except RuntimeError:  # numba's way of saying that no cache folder can be written
-        return njit(function, **options)
+        result: Callable[..., None] = njit(function, cache=True, **options)
+    except RuntimeError:  # no cache folder can be written
+        result = njit(function, **options)
+    return result

@@ -1,39 +1,107 @@
 """Soft-DTW values and gradients of many lanes, by Cuturi and Blondel's two recursions.
 
 The forward pass keeps the share of each cell's soft minimum that two of its predecessors have; the
-third has what is left of one. Shares come from differences of neighbours, so the backward pass, which
+third has the rest to one. Shares come from differences of neighbours, so the backward pass, which
 only multiplies and adds, loses nothing however long the series or small the softness. (The textbook form,
 the exponential of the difference of three accumulated costs, loses what cancels.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
+from gesture_core.dtw.batches import UNREACHED
+from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
 from gesture_dtw_numba.cells import soft_shares
-from gesture_dtw_numba.compiled import LANES, compiled, sources
+from gesture_dtw_numba.compiled import LANES, compiled
+from gesture_dtw_numba.layout import aligned
 
 LOCAL, LEFT, CORNER, MOVED, GAMMA, SHARPNESS = range(6)
-"""Rows of `layout.GradientRoom.work`."""
+"""Rows of `GradientScratch.work`."""
 
 
-@cache
-def compiled_gradients() -> Callable[..., int]:
-    """The compiled function; it returns the checksum of the code that it was compiled from."""
-    version = sources()
+class CostRule(NamedTuple):
+    """What two frames cost."""
 
-    def gradients(x: Any, y: Any, n: Any, m: Any, low: Any, high: Any, rule: Any, room: Any) -> int:
-        """Fill ``values``, ``of_x`` and ``of_y`` of ``room`` from (n, C, LANES) and (m, C, LANES)."""
-        _forward(x, y, n, m, low, high, rule, room)
-        _backward(x, y, n, m, rule, room)
-        return version
+    squared: bool
+    euclidean: bool
 
-    return compiled(gradients)
+
+class GradientScratch(NamedTuple):
+    """What gradients are written to, and the arrays in which they are worked out.
+
+    Attributes
+    ----------
+    values : (LANES,) float
+    of_x, of_y : (n, C, LANES) and (m, C, LANES) float
+    shares : (n, m, 2, LANES) float
+        The share of each cell's soft minimum that the cells above and to the left have.
+    row : (m, LANES) float
+        One row of the table.
+    work : (6, LANES) float
+        One array, so that the compiler need not prove that several do not overlap.
+    border : float
+        `UNREACHED`.
+    """
+
+    values: np.ndarray
+    of_x: np.ndarray
+    of_y: np.ndarray
+    shares: np.ndarray
+    row: np.ndarray
+    work: np.ndarray
+    border: float
+
+
+class GradientLanes(GradientLaneKernel):
+    """Gradients by lanes: `GradientLaneKernel` pairs and pads, compiled code computes."""
+
+    lane_count = LANES
+
+    def warp(self, lanes: Lanes) -> np.ndarray:
+        """(P,) soft accumulated costs."""
+        return self.warp_gradients(lanes)[0]
+
+    def warp_gradients(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(P,), (n_max, C, P), (m_max, C, P): soft accumulated costs and their gradients."""
+        assert lanes.gamma is not None
+        x, y, gamma = _widen(lanes.x, 0), _widen(lanes.y, 0), _widen(lanes.gamma, 1)
+        n, m = _widen(lanes.n, 1), _widen(lanes.m, 1)
+        low = high = None
+        if lanes.low is not None and lanes.high is not None:
+            low, high = _widen(lanes.low, 0), _widen(lanes.high, 0)
+        dtype = x.dtype
+        scratch = GradientScratch(
+            aligned((LANES,), dtype),
+            np.empty_like(x),
+            np.empty_like(y),
+            aligned((len(x), len(y), 2, LANES), dtype),
+            aligned((len(y), LANES), dtype),
+            aligned((6, LANES), dtype),
+            dtype.type(UNREACHED[dtype]),
+        )
+        scratch.work[GAMMA], scratch.work[SHARPNESS] = gamma, 1 / gamma
+        rule = CostRule(lanes.cost != "absolute", lanes.cost == "euclidean")
+        gradients(x, y, n, m, low, high, rule, scratch)
+        count = len(lanes)
+        return scratch.values[:count], scratch.of_x[..., :count], scratch.of_y[..., :count]
+
+
+def _widen(array: np.ndarray, fill: int) -> np.ndarray:
+    """The last axis filled up to `LANES`."""
+    out = np.full((*array.shape[:-1], LANES), fill, array.dtype)
+    out[..., : array.shape[-1]] = array
+    return out
+
+
+@compiled
+def gradients(x: Any, y: Any, n: Any, m: Any, low: Any, high: Any, rule: Any, scratch: Any) -> None:
+    """Fill ``values``, ``of_x`` and ``of_y`` of ``scratch`` from (n, C, LANES) and (m, C, LANES)."""
+    _forward(x, y, n, m, low, high, rule, scratch)
+    _backward(x, y, n, m, rule, scratch)
 
 
 @njit(nogil=True, error_model="numpy")
@@ -50,9 +118,9 @@ def _local_costs(frame: Any, y: Any, rule: Any, local: Any) -> None:
 
 
 @njit(nogil=True, error_model="numpy")
-def _forward(x: Any, y: Any, n: Any, m: Any, low: Any, high: Any, rule: Any, room: Any) -> None:
+def _forward(x: Any, y: Any, n: Any, m: Any, low: Any, high: Any, rule: Any, scratch: Any) -> None:
     # One row, of which what lies left of the current cell is the next row's already.
-    row, work, shares, border = room.row, room.work, room.shares, room.border
+    row, work, shares, border = scratch.row, scratch.work, scratch.shares, scratch.border
     row[:] = border
     for i in range(len(x)):
         work[LEFT] = border
@@ -67,7 +135,7 @@ def _forward(x: Any, y: Any, n: Any, m: Any, low: Any, high: Any, rule: Any, roo
                         row[j, lane] = border
         for lane in range(LANES):
             if n[lane] == i + 1:
-                room.values[lane] = row[m[lane] - 1, lane]
+                scratch.values[lane] = row[m[lane] - 1, lane]
 
 
 # Loops over lanes are functions of few arrays: in a larger one the compiler leaves them scalar.
@@ -87,9 +155,9 @@ def _cell(own: Any, share: Any, work: Any) -> None:
 
 
 @njit(nogil=True, error_model="numpy")
-def _backward(x: Any, y: Any, n: Any, m: Any, rule: Any, room: Any) -> None:
+def _backward(x: Any, y: Any, n: Any, m: Any, rule: Any, scratch: Any) -> None:
     """How much each cell moves its lane's value, one at the end, handed on by shares and to the frames."""
-    row, work, shares, of_x, of_y = room.row, room.work, room.shares, room.of_x, room.of_y
+    row, work, shares, of_x, of_y = scratch.row, scratch.work, scratch.shares, scratch.of_x, scratch.of_y
     of_x[:] = 0
     of_y[:] = 0
     row[:] = 0

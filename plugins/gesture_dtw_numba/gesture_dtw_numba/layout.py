@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gesture_core.dtw.bands import is_banded, row_spans
-from gesture_core.dtw.lanes import far, lane_cost, unreached, warping_dtype, weighted
+from gesture_core.dtw.batches import FAR, UNREACHED, warping_dtype, weighted
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
 from gesture_dtw_numba.compiled import LANES, ROWS
@@ -42,13 +42,6 @@ class Rule(NamedTuple):
     root: bool
 
 
-class CostRule(NamedTuple):
-    """The part of a `Rule` that says what two frames cost."""
-
-    squared: bool
-    euclidean: bool
-
-
 class Bands(NamedTuple):
     """The band of every combination of lengths, end to end.
 
@@ -78,7 +71,7 @@ class Costs(NamedTuple):
     local: np.ndarray
 
 
-class Room(NamedTuple):
+class Scratch(NamedTuple):
     """Working arrays of a tile.
 
     Attributes
@@ -98,9 +91,9 @@ class Room(NamedTuple):
     low, high : (rows, LANES) int32
         The band.
     limit : (LANES,) float
-        What each lane may accumulate before nobody wants its pair; below zero in lanes that are empty.
+        What each lane may accumulate at most; below zero in lanes that are empty.
     far, border : float
-        `far` and `unreached`.
+        `FAR` and `UNREACHED`.
     """
 
     x: np.ndarray
@@ -116,51 +109,11 @@ class Room(NamedTuple):
     border: float
 
 
-class GradientRoom(NamedTuple):
-    """What gradients are written to, and what they are worked out in.
-
-    Attributes
-    ----------
-    values : (LANES,) float
-    of_x, of_y : (n, C, LANES) and (m, C, LANES) float
-    shares : (n, m, 2, LANES) float
-        What each cell's soft minimum owes to the cells above and to the left.
-    row : (m, LANES) float
-        One row of the table.
-    work : (6, LANES) float
-        One array, so that the compiler need not prove that several do not overlap.
-    border : float
-        `unreached`.
-    """
-
-    values: np.ndarray
-    of_x: np.ndarray
-    of_y: np.ndarray
-    shares: np.ndarray
-    row: np.ndarray
-    work: np.ndarray
-    border: float
-
-
 def make_batch(batch: SignalBatch, spec: DtwSpec) -> Batch:
     """Weight and turn a batch; `warping_dtype` says in which precision."""
     weighed = weighted(batch.values, spec).astype(warping_dtype(batch.values.dtype, spec), copy=False)
     values = np.ascontiguousarray(weighed.transpose(0, 2, 1))
     return Batch(values, batch.lengths, batch.masks & batch.present, batch.present)
-
-
-def make_rule(spec: DtwSpec) -> Rule:
-    """The rule of a specification."""
-    cost = lane_cost(spec)
-    return Rule(
-        spec.mode == "dependent",
-        is_banded(spec),
-        cost != "absolute",
-        cost == "euclidean",
-        spec.reduce == "mean",
-        spec.length_norm,
-        spec.root,
-    )
 
 
 def make_bands(n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> Bands:
@@ -187,49 +140,26 @@ def _index(lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return distinct, index
 
 
-def make_room(rows: int, columns: int, width: int, banded: bool, dtype: np.dtype) -> Room:
+def make_scratch(rows: int, columns: int, width: int, banded: bool, dtype: np.dtype) -> Scratch:
     """Working arrays for queries of ``rows`` frames and examples of ``columns``."""
     rows = -(-rows // ROWS) * ROWS
     band = (rows if banded else 0, LANES)
-    return Room(
-        _aligned((rows, width), dtype),
-        _aligned((columns, width, LANES), dtype),
+    return Scratch(
+        aligned((rows, width), dtype),
+        aligned((columns, width, LANES), dtype),
         np.zeros(LANES, np.int64),
-        _aligned((columns, LANES), dtype),
-        _aligned((ROWS, LANES), dtype),
-        _aligned((LANES,), dtype),
-        _aligned(band, np.dtype(np.int32)),
-        _aligned(band, np.dtype(np.int32)),
-        _aligned((LANES,), dtype),
-        dtype.type(far(dtype)),
-        dtype.type(unreached(dtype)),
+        aligned((columns, LANES), dtype),
+        aligned((ROWS, LANES), dtype),
+        aligned((LANES,), dtype),
+        aligned(band, np.dtype(np.int32)),
+        aligned(band, np.dtype(np.int32)),
+        aligned((LANES,), dtype),
+        dtype.type(FAR[dtype]),
+        dtype.type(UNREACHED[dtype]),
     )
 
 
-def make_gradient_room(x: np.ndarray, y: np.ndarray, gamma: np.ndarray) -> GradientRoom:
-    """What `gradient.compiled_gradients` fills and works in, for (n, C, LANES) and (m, C, LANES)."""
-    dtype = x.dtype
-    room = GradientRoom(
-        _aligned((LANES,), dtype),
-        np.empty_like(x),
-        np.empty_like(y),
-        _aligned((len(x), len(y), 2, LANES), dtype),
-        _aligned((len(y), LANES), dtype),
-        _aligned((6, LANES), dtype),
-        dtype.type(unreached(dtype)),
-    )
-    room.work[4], room.work[5] = gamma, 1 / gamma
-    return room
-
-
-def make_costs(width: int, dtype: np.dtype) -> Costs:
-    """Every dimension counts fully until a tile says otherwise."""
-    costs = Costs(_aligned((width, LANES), dtype), _aligned((ROWS, LANES), dtype))
-    costs.share[:] = 1
-    return costs
-
-
-def _aligned(shape: tuple[int, ...], dtype: np.dtype, border: int = 64) -> np.ndarray:
+def aligned(shape: tuple[int, ...], dtype: np.dtype, border: int = 64) -> np.ndarray:
     """Zeros whose first byte lies on a cache line, so that no vector load straddles two."""
     size = int(np.prod(shape)) * dtype.itemsize
     raw = np.zeros(size + border, np.uint8)

@@ -16,8 +16,10 @@ from gesture_dtw_numba.compiled import LANES
 
 
 @njit(nogil=True, error_model="numpy")
-def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, limited: Any, room: Any) -> int:
-    """Fill ``room.above`` with the last row of the accumulated cost; returns how many rows were done.
+def sweep(
+    x: np.ndarray, padded: int, block: Any, rule: Any, costs: Any, gamma: Any, limited: Any, scratch: Any
+) -> int:
+    """Fill ``scratch.above`` with the last row of the accumulated cost; returns how many rows were done.
 
     Parameters
     ----------
@@ -32,12 +34,12 @@ def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, li
         None where C is 1, no cell is forbidden and the warping is hard.
     gamma : None or float
     limited : bool
-        Stop where every lane is certain to exceed ``room.limit``.
-    room : Room
+        Stop where every lane is certain to exceed ``scratch.limit``.
+    scratch : Scratch
         With the band, where ``rule`` has one.
     """
     squared, euclidean, banded = rule.squared, rule.euclidean, rule.banded
-    above, left, corner, border = room.above, room.left, room.corner, room.border
+    above, left, corner, border = scratch.above, scratch.left, scratch.corner, scratch.border
     columns, one = len(block), x.dtype.type(1)
     above[:columns] = border
     start, stop, open_from, open_until = 0, columns, 0, columns
@@ -45,7 +47,7 @@ def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, li
         corner[:] = border
         if costs is not None and banded:
             before, after = start, stop
-            start, stop, open_from, open_until = _span(room.low, room.high, i, columns)
+            start, stop, open_from, open_until = _span(scratch.low, scratch.high, i, columns)
             if start > 0:
                 corner[:] = above[start - 1]
             above[before:start] = border
@@ -60,7 +62,7 @@ def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, li
             if costs is not None:
                 _local_costs(x, i, block, j, squared, euclidean, costs)
                 if banded and not open_from <= j < open_until:
-                    _forbid(costs.local, room.low, room.high, i, j, border)
+                    _forbid(costs.local, scratch.low, scratch.high, i, j, border)
             for lane in range(LANES):
                 if costs is None:
                     e = block[j, 0, lane]
@@ -86,7 +88,7 @@ def sweep(x: Any, padded: Any, block: Any, rule: Any, costs: Any, gamma: Any, li
                 left[0, lane], left[1, lane], left[2, lane], left[3, lane] = v0, v1, v2, v3
                 corner[lane] = up
                 above[j, lane] = v3
-        if limited and i % 16 == 12 and _all_exceed(above, start, stop, corner, room.limit):
+        if limited and i % 16 == 12 and _all_exceed(above, start, stop, corner, scratch.limit):
             return i + 4 - padded
     return len(x) - padded
 

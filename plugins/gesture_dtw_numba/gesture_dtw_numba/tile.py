@@ -2,68 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numba import njit
 
-from gesture_dtw_numba.compiled import LANES, ROWS, compiled, sources
+from gesture_dtw_numba.compiled import LANES, ROWS, compiled
 from gesture_dtw_numba.sweep import sweep
 
 
-@cache
-def compiled_groups() -> Callable[..., int]:
-    """The compiled function of groups of queries and examples.
+@compiled
+def groups(
+    q: Any,
+    qs: Any,
+    q_ends: Any,
+    e: Any,
+    es: Any,
+    e_ends: Any,
+    rule: Any,
+    bands: Any,
+    gamma: Any,
+    costs: Any,
+    limits: Any,
+    scratch: Any,
+    out: Any,
+) -> None:
+    """The distances of groups of queries and examples.
 
-    It takes ``(q, qs, q_ends, e, es, e_ends, rule, bands, gamma, costs, limits, room, out, cells)``.
     Group g is every query of ``qs[q_ends[g]:q_ends[g + 1]]`` with every example of
     ``es[e_ends[g]:e_ends[g + 1]]``, which ascend in length; its distances are the next numbers of
-    ``out`` (float64), a row for each query, and the cells that were computed those of ``cells``
-    (int64). With ``limits``, a distance for each of the queries that are stored in ``q``, a pair
-    that is certain to exceed its query's is left at infinity as soon as that is known.
+    ``out``, a row for each query. Compiled once for each dtype and for each of: hard costs of one
+    dimension without a band, other hard ones, soft ones.
 
-    It returns the checksum of the code that it was compiled from, which is done once for each
-    dtype and for each of: hard costs of one dimension without a band, other hard ones, soft ones.
-
+    Parameters
+    ----------
     q, e : Batch
+    qs, es, q_ends, e_ends : int64
     rule : Rule
     bands : Bands
     gamma : None or float
-    costs : None or Costs; None only for hard, independent warping without a band
-    limits : float64, empty for none
-    room : Room
+    costs : None or Costs
+        None only for hard, independent warping without a band.
+    limits : float64
+        Empty, or a distance for each of the queries that are stored in ``q``: a pair that is certain
+        to exceed its query's is left at infinity as soon as that is known.
+    scratch : Scratch
+    out : float64
     """
-    version = sources()
-
-    def groups(
-        q: Any,
-        qs: Any,
-        q_ends: Any,
-        e: Any,
-        es: Any,
-        e_ends: Any,
-        rule: Any,
-        bands: Any,
-        gamma: Any,
-        costs: Any,
-        limits: Any,
-        room: Any,
-        out: Any,
-        cells: Any,
-    ) -> int:
-        at = 0
-        for g in range(len(q_ends) - 1):
-            own_qs, own_es = qs[q_ends[g] : q_ends[g + 1]], es[e_ends[g] : e_ends[g + 1]]
-            shape = (len(own_qs), len(own_es))
-            stop = at + shape[0] * shape[1]
-            own_out, own_cells = out[at:stop].reshape(shape), cells[at:stop].reshape(shape)
-            _group(q, own_qs, e, own_es, rule, bands, gamma, costs, limits, room, own_out, own_cells)
-            at = stop
-        return version
-
-    return compiled(groups)
+    at = 0
+    for g in range(len(q_ends) - 1):
+        own_qs, own_es = qs[q_ends[g] : q_ends[g + 1]], es[e_ends[g] : e_ends[g + 1]]
+        shape = (len(own_qs), len(own_es))
+        stop = at + shape[0] * shape[1]
+        _group(q, own_qs, e, own_es, rule, bands, gamma, costs, limits, scratch, out[at:stop].reshape(shape))
+        at = stop
 
 
 @njit(nogil=True, error_model="numpy")
@@ -77,15 +69,13 @@ def _group(
     gamma: Any,
     costs: Any,
     limits: Any,
-    room: Any,
+    scratch: Any,
     out: Any,
-    cells: Any,
 ) -> None:
     members = np.empty(len(es), np.int64)
     width = q.values.shape[1]
     limited = len(limits) > 0
     out[:] = 0
-    cells[:] = 0
     # Independent: each dimension by itself, first for queries in which it is salient, then for the
     # others, whose examples are fewer. Dependent: everything at once, shares tell dimensions apart.
     step = width if rule.dependent else 1
@@ -96,35 +86,35 @@ def _group(
             count = _members(e, es, d, salient, rule.dependent, members)
             for first in range(0, count, LANES):
                 lanes = members[first : min(first + LANES, count)]
-                block = _gather(e, es, lanes, d, d + step, room)
+                block = _gather(e, es, lanes, d, d + step, scratch)
                 rows = -1
                 for k, query in enumerate(qs):
                     if not rule.dependent and (not q.present[query, d] or q.masks[query, d] != salient):
                         continue
-                    if limited and not _set_limits(q, query, e, es, lanes, limits[query], rule, room, out[k]):
+                    if limited and not _set_limits(
+                        q, query, e, es, lanes, limits[query], rule, scratch, out[k]
+                    ):
                         for position in lanes:
                             out[k, position] = np.inf
                         continue
-                    x, padded = _pad_query(q, query, d, d + step, room)
+                    x, padded = _pad_query(q, query, d, d + step, scratch)
                     if rows != q.lengths[query]:
                         rows = q.lengths[query]
                         if rule.banded:
-                            _fill_band(bands, rows, padded, room)
+                            _fill_band(bands, rows, padded, scratch)
                     if costs is not None and rule.dependent:
                         _fill_share(q, query, e, es, lanes, rule.mean, costs.share)
-                    done = sweep(x, padded, block, rule, costs, gamma, limited, room)
-                    _collect(room, lanes, rows, done, rule, out[k])
-                    if limited:
-                        _count_cells(bands, rows, done, rule, lanes, room, cells[k])
+                    done = sweep(x, padded, block, rule, costs, gamma, limited, scratch)
+                    _collect(scratch, lanes, rows, done, rule, out[k])
     _reduce(q, qs, e, es, rule.mean and not rule.dependent, out)
 
 
 @njit(nogil=True, error_model="numpy")
 def _set_limits(
-    q: Any, query: Any, e: Any, es: Any, lanes: Any, limit: Any, rule: Any, room: Any, out: Any
+    q: Any, query: Any, e: Any, es: Any, lanes: Any, limit: Any, rule: Any, scratch: Any, out: Any
 ) -> bool:
     """What each lane may accumulate before its pair exceeds ``limit``; whether any may at all."""
-    room.limit[:] = -1
+    scratch.limit[:] = -1
     any_left = False
     for lane, position in enumerate(lanes):
         example = es[position]
@@ -138,21 +128,8 @@ def _set_limits(
                 left *= left
             if rule.length_norm:
                 left *= q.lengths[query] + e.lengths[example]
-            room.limit[lane] = left
+            scratch.limit[lane] = left
     return any_left
-
-
-@njit(nogil=True)
-def _count_cells(bands: Any, rows: Any, done: Any, rule: Any, lanes: Any, room: Any, cells: Any) -> None:
-    """Add the cells inside the band of each lane's first ``done`` rows."""
-    for lane, position in enumerate(lanes):
-        columns = room.lengths[lane]
-        if rule.banded:
-            offset = bands.offset[bands.query_index[rows], bands.example_index[columns]]
-            for i in range(offset, offset + done):
-                cells[position] += bands.high[i] - bands.low[i]
-        else:
-            cells[position] += done * columns
 
 
 @njit(nogil=True)
@@ -175,9 +152,9 @@ def _members(e: Any, es: Any, d: Any, salient: Any, every: Any, members: Any) ->
 
 
 @njit(nogil=True)
-def _gather(e: Any, es: Any, lanes: Any, first: Any, stop: Any, room: Any) -> Any:
+def _gather(e: Any, es: Any, lanes: Any, first: Any, stop: Any, scratch: Any) -> Any:
     """Turn the chosen examples so that lanes come last; what is beyond a length is never read."""
-    block, lengths = room.block, room.lengths
+    block, lengths = scratch.block, scratch.lengths
     lengths[:] = 0
     for lane, position in enumerate(lanes):
         example = es[position]
@@ -189,12 +166,12 @@ def _gather(e: Any, es: Any, lanes: Any, first: Any, stop: Any, room: Any) -> An
 
 
 @njit(nogil=True)
-def _pad_query(q: Any, query: Any, first: Any, stop: Any, room: Any) -> Any:
+def _pad_query(q: Any, query: Any, first: Any, stop: Any, scratch: Any) -> Any:
     """The query's frames after as many padded ones as fill the first pass; and their number."""
     frames = q.lengths[query]
     padded = -frames % ROWS
-    x = room.x
-    x[:padded] = room.far
+    x = scratch.x
+    x[:padded] = scratch.far
     for i in range(frames):
         for d in range(first, stop):
             x[padded + i, d - first] = q.values[query, d, i]
@@ -202,9 +179,9 @@ def _pad_query(q: Any, query: Any, first: Any, stop: Any, room: Any) -> Any:
 
 
 @njit(nogil=True)
-def _fill_band(bands: Any, rows: Any, padded: Any, room: Any) -> None:
+def _fill_band(bands: Any, rows: Any, padded: Any, scratch: Any) -> None:
     """Each lane's columns in each row; none in padded rows."""
-    low, high, lengths = room.low, room.high, room.lengths
+    low, high, lengths = scratch.low, scratch.high, scratch.lengths
     low[:], high[:] = 0, 0
     for lane in range(LANES):
         if lengths[lane] > 0:
@@ -237,14 +214,14 @@ def _used(q: Any, query: Any, e: Any, example: Any) -> Any:
 
 
 @njit(nogil=True, error_model="numpy")
-def _collect(room: Any, lanes: Any, rows: Any, done: Any, rule: Any, out: Any) -> None:
+def _collect(scratch: Any, lanes: Any, rows: Any, done: Any, rule: Any, out: Any) -> None:
     """Add each lane's value at its own last column, normed and rooted, to its pair.
 
     Infinity where fewer than ``rows`` rows were ``done``: what exceeds its limit.
     """
     for lane, position in enumerate(lanes):
-        columns = room.lengths[lane]
-        value = np.float64(room.above[columns - 1, lane])
+        columns = scratch.lengths[lane]
+        value = np.float64(scratch.above[columns - 1, lane])
         if rule.length_norm:
             value /= rows + columns
         if rule.root:

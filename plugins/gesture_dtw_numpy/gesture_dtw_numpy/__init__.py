@@ -1,1 +1,1 @@
-"""Warping-distance kernels on NumPy."""
+"""Distance kernels on NumPy: the exact one that runs anywhere, and FastDTW."""

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gesture_core.dtw.lanes import unreached
+from gesture_core.dtw.batches import UNREACHED
 
 
 class Band(NamedTuple):
@@ -42,7 +42,7 @@ def diagonals(rows: int, columns: int) -> Iterator[Diagonal]:
 
 def border_value(x: Tensor) -> float:
     """What cells hold that no path reaches."""
-    return unreached(np.dtype(str(x.dtype).removeprefix("torch.")))
+    return UNREACHED[np.dtype(str(x.dtype).removeprefix("torch."))]
 
 
 def local_costs(x: Tensor, y: Tensor, cost: str) -> Tensor:

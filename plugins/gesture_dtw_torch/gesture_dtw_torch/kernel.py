@@ -8,13 +8,14 @@ from functools import cached_property
 import numpy as np
 import torch
 
-from gesture_core.dtw.lanes import LaneKernel, Lanes
+from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
+from gesture_core.plugin.interfaces import DeviceKernel
 from gesture_dtw_torch.diagonals import Band, eager_step, hard_diagonals, soft_diagonals
-from gesture_dtw_torch.soft import SoftLanes
+from gesture_dtw_torch.soft import soft_lanes
 
 
 @dataclass(frozen=True)
-class TorchKernel(LaneKernel):
+class TorchKernel(GradientLaneKernel, DeviceKernel):
     """Warping distances in Torch, in the dtype of the batches.
 
     Attributes
@@ -69,9 +70,9 @@ class TorchKernel(LaneKernel):
         assert lanes.gamma is not None
         x, y, *rest = self._tensors(lanes)
         x.requires_grad_(), y.requires_grad_()
-        values = SoftLanes.apply(x, y, *rest, self._tensor(lanes.gamma), lanes.cost)
-        slopes = torch.autograd.grad(values.sum(), (x, y))
-        return tuple(part.detach().cpu().numpy() for part in (values, *slopes))
+        values = soft_lanes(x, y, *rest, self._tensor(lanes.gamma), lanes.cost)
+        of_x, of_y = (slope.cpu().numpy() for slope in torch.autograd.grad(values.sum(), (x, y)))
+        return values.detach().cpu().numpy(), of_x, of_y
 
     def _tensors(
         self, lanes: Lanes

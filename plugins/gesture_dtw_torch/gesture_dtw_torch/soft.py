@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -28,7 +29,7 @@ def soft_dtw(x: Tensor, y: Tensor, gamma: float = 1.0, cost: str = "squared") ->
     pairs = len(x)
     n, m = (torch.full((pairs,), side.shape[1], device=x.device) for side in (x, y))
     turned = x.permute(1, 2, 0).contiguous(), y.permute(1, 2, 0).contiguous()
-    return SoftLanes.apply(*turned, n, m, None, x.new_full((pairs,), gamma), cost)
+    return soft_lanes(*turned, n, m, None, x.new_full((pairs,), gamma), cost)
 
 
 class SoftLanes(torch.autograd.Function):
@@ -75,6 +76,10 @@ class SoftLanes(torch.autograd.Function):
             of_flipped[window] -= slope
             moved, before, beyond = before, beyond, moved.zero_()
         return of_x.to(dtype), of_flipped.flip(0).to(dtype), None, None, None, None, None
+
+
+soft_lanes: Callable[..., Tensor] = SoftLanes.apply
+"""``soft_lanes(x, y, n, m, band, gamma, cost)``: (P,) values that autograd differentiates."""
 
 
 def _slope(difference: Tensor, cost: str) -> Tensor:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from gesture_core.errors import KeypointError
+from gesture_core.files import printable
 from gesture_core.types import PoseSequence
 from gesture_pose_files.files import (
     COPY_AGAIN,
@@ -22,8 +23,7 @@ from gesture_pose_files.files import (
     check_options,
     check_size,
     head_of,
-    open_regular,
-    printable,
+    open_keypoints,
 )
 from gesture_pose_files.layout import Units, check_seconds, sequence
 from gesture_pose_files.npy import read_array, read_header
@@ -81,7 +81,7 @@ class ArrayReader:
         ------
         KeypointError
             `E_KEYPOINTS_FORMAT`, `E_KEYPOINTS_BROKEN`, `E_KEYPOINTS_SHAPE`, `E_KEYPOINTS_VALUE`,
-            `E_KEYPOINTS_LIMIT`, `E_KEYPOINTS_MEMBER`, and those of `files.open_regular`.
+            `E_KEYPOINTS_LIMIT`, `E_KEYPOINTS_MEMBER`, and those of `files.open_keypoints`.
         """
         source = printable(path) + (f"::{member}" if member else "")
         units = Units(self.fps, self.frame_size)
@@ -92,7 +92,7 @@ class ArrayReader:
             raise KeypointError(
                 f"is one array, it has no member {member!r}", subject=source, code="E_KEYPOINTS_MEMBER"
             )
-        with open_regular(path, _MAX_FILE_BYTES) as file:
+        with open_keypoints(path, _MAX_FILE_BYTES) as file:
             return [sequence(read_array(file, source), units, source=source, reader="arrays")]
 
     def _from_archive(
@@ -194,7 +194,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, kinds: st
 
 @contextmanager
 def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
-    with open_regular(path, _MAX_FILE_BYTES) as file:
+    with open_keypoints(path, _MAX_FILE_BYTES) as file:
         try:
             with zipfile.ZipFile(file) as archive:
                 yield archive

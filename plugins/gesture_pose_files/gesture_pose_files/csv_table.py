@@ -11,6 +11,7 @@ from typing import IO
 import numpy as np
 
 from gesture_core.errors import KeypointError
+from gesture_core.files import printable
 from gesture_core.skeletons import SKELETONS, Skeleton
 from gesture_core.types import PoseSequence
 from gesture_pose_files.files import (
@@ -18,8 +19,7 @@ from gesture_pose_files.files import (
     MAX_FRAMES,
     check_options,
     head_of,
-    open_regular,
-    printable,
+    open_keypoints,
 )
 from gesture_pose_files.layout import FLAT_WIDTHS, Units, check_seconds, sequence
 
@@ -75,13 +75,13 @@ class CsvReader:
         ------
         KeypointError
             `E_KEYPOINTS_FORMAT` for a CSV file that is no keypoint table, `E_KEYPOINTS_VALUE`,
-            `E_KEYPOINTS_TIMES`, `E_KEYPOINTS_LIMIT`, and those of `files.open_regular`.
+            `E_KEYPOINTS_TIMES`, `E_KEYPOINTS_LIMIT`, and those of `files.open_keypoints`.
         """
         source = printable(path)
         if member:
             raise KeypointError(f"has no member {member!r}", subject=source, code="E_KEYPOINTS_MEMBER")
         units = Units(self.fps)
-        with open_regular(path, MAX_CSV_BYTES) as file:
+        with open_keypoints(path, MAX_CSV_BYTES) as file:
             rows = _rows(file, source)
             first = next(rows, None)
             if first is None:
@@ -137,7 +137,7 @@ class _Columns:
         scores = None
         if any(column is not None for column in self.score):
             scores = _take(table, self.score)
-            # A joint with coordinates whose score is not told is taken to be sure.
+            # A joint that has coordinates and no score is taken to be certain.
             scores = np.where(np.isnan(scores) & ~np.isnan(points).any(axis=2), 1.0, scores)
         return sequence(
             points,

@@ -9,14 +9,18 @@ def register_keypoint_readers(register: Register) -> None:
         "openpose-json",
         "gesture_pose_files.openpose_json:OpenPoseJsonReader",
         summary="a folder of OpenPose *_keypoints.json files, versions 0.1 to 1.3",
+        suffixes=(".json",),
+        folders=True,
     )
     register(
         "arrays",
         "gesture_pose_files.arrays:ArrayReader",
         summary="keypoints in .npz or .npy arrays, COCO, BODY_25, MPI or MediaPipe layout",
+        suffixes=(".npy", ".npz"),
     )
     register(
         "csv",
         "gesture_pose_files.csv_table:CsvReader",
         summary="keypoints in CSV, with or without a header",
+        suffixes=(".csv", ".tsv"),
     )

@@ -15,9 +15,10 @@ from typing import Any, NoReturn
 import numpy as np
 
 from gesture_core.errors import KeypointError
+from gesture_core.files import printable
 from gesture_core.plugin.interfaces import Person
 from gesture_core.skeletons import BODY25, COCO18, MPI15
-from gesture_pose_files.files import COPY_AGAIN, MAX_JSON_BYTES, open_regular, printable
+from gesture_pose_files.files import COPY_AGAIN, MAX_JSON_BYTES, open_keypoints
 
 MAX_DEPTH = 24
 # Possessive, and the closing quote optional: linear in whatever a hostile file holds.
@@ -33,10 +34,10 @@ def read_frame(path: Path) -> tuple[list[Person], str | None]:
     ------
     KeypointError
         `E_KEYPOINTS_JSON` (not JSON, too deep), `E_KEYPOINTS_FORMAT` (JSON of another kind),
-        `E_KEYPOINTS_VALUE`, and those of `files.open_regular`.
+        `E_KEYPOINTS_VALUE`, and those of `files.open_keypoints`.
     """
     name = printable(path)
-    with open_regular(path, MAX_JSON_BYTES) as file:
+    with open_keypoints(path, MAX_JSON_BYTES) as file:
         data = file.read(MAX_JSON_BYTES + 1)
     return people_in(parse(data, name), name)
 
@@ -44,7 +45,9 @@ def read_frame(path: Path) -> tuple[list[Person], str | None]:
 def parse(data: bytes, name: str) -> Any:
     """JSON from ``data``, with a limit on its depth; NaN and Infinity are no JSON."""
     if _depth(data) > MAX_DEPTH:
-        _refuse(f"is nested deeper than {MAX_DEPTH} levels", name)
+        raise KeypointError(
+            f"is nested deeper than {MAX_DEPTH} levels", subject=name, code="E_KEYPOINTS_JSON"
+        )
     try:
         return json.loads(data, parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
@@ -119,7 +122,3 @@ def _depth(data: bytes) -> int:
 
 def _no_constant(text: str) -> NoReturn:
     raise ValueError(f"{text} is no JSON value")
-
-
-def _refuse(cause: str, name: str) -> NoReturn:
-    raise KeypointError(cause, subject=name, code="E_KEYPOINTS_JSON")

@@ -190,15 +190,14 @@ def _missing(points: np.ndarray, scores: np.ndarray | None, body: Skeleton) -> n
     centred on the neck: then the neck is at 0, 0 in every frame, others may fall on it, and, as in
     no picture, some coordinates are negative. A frame of nothing but zeros is empty either way.
     """
-    zero = (points == 0).all(axis=2)
+    zero: np.ndarray = (points == 0).all(axis=2)
     if scores is not None:
-        known = np.asarray(scores)
-        return (known <= 0) | (zero & np.isnan(known))
-    empty = zero.all(axis=1)
+        missing: np.ndarray = (scores <= 0) | (zero & np.isnan(scores))
+        return missing
+    empty = np.asarray(zero.all(axis=1))
     if "neck" in body.joints and not empty.all():
-        filled = ~empty
-        centred = bool(zero[filled, body.index("neck")].all()) and bool((points < 0).any())
-        if centred:
+        at_neck = np.asarray(zero[~empty, body.index("neck")])
+        if at_neck.all() and (points < 0).any():
             return np.repeat(empty[:, None], zero.shape[1], axis=1)
     return zero
 

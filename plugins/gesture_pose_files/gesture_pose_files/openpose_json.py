@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from gesture_core.errors import KeypointError
+from gesture_core.files import printable
 from gesture_core.plugin.interfaces import Person
 from gesture_core.skeletons import BODY25, skeleton
 from gesture_core.types import PoseSequence
-from gesture_pose_files.files import MAX_FRAMES, check_options, check_size, printable
+from gesture_pose_files.files import MAX_FRAMES, check_options, check_size
 from gesture_pose_files.json_frame import read_frame
 from gesture_pose_files.layout import are_shares, assumed_picture, assumed_rate
 from gesture_pose_files.people import tracks
@@ -55,10 +56,6 @@ class OpenPoseJsonReader:
                 return any(_NAME.fullmatch(entry.name) for entry in entries)
         except OSError:
             return False
-
-    def sequences(self, folder: Path) -> list[tuple[str, list[Path]]]:
-        """The name and the frames, by number, of each sequence in ``folder``, by name."""
-        return [(name, [path for _, path in frames]) for name, frames in _sequences(folder).items()]
 
     def members(self, path: Path) -> list[str]:
         """Names of the sequences in the folder; ``[""]`` where there is only one."""
@@ -172,8 +169,3 @@ def _check_link(link: Path, root: Path) -> None:
             remedy="copy the file itself",
             code="E_KEYPOINTS_LINK",
         )
-
-
-def sequences(folder: Path) -> list[tuple[str, list[Path]]]:
-    """The name and the frames of each sequence in ``folder``; see `OpenPoseJsonReader.sequences`."""
-    return OpenPoseJsonReader().sequences(folder)

@@ -36,6 +36,8 @@ _TERM = re.compile(r"(?P<part>[a-z_]+)(\.(?P<kind>[a-z]+))?(@(?P<share>[0-9.]+))
 # Velocities in body lengths per tenth of a second have the size of positions in body lengths.
 _TENTH = 10.0
 _NO_LENGTH = 1e-6
+# Seconds from frame to frame where the times do not tell.
+_STEP = 0.05
 
 
 @dataclass(frozen=True)
@@ -64,26 +66,33 @@ class Parts:
     def __post_init__(self) -> None:
         if not isinstance(self.weights, Mapping):
             raise TypeError(f"weights {self.weights!r} are no table of parts and numbers")
-        if not all(0 <= w < float("inf") for w in self.weights.values()) or not any(self.weights.values()):
-            raise ValueError("weights must name parts with numbers of zero or more, one above zero")
+        for text, weight in self.weights.items():
+            _term(text)
+            if not 0 <= weight < float("inf"):
+                raise ValueError(f"weight {weight} of {text!r} is not a number of zero or more")
+        if not any(self.weights.values()):
+            raise ValueError("no weight is above zero")
         if not self.window > 0:
             raise ValueError(f"window {self.window} is not above zero")
-        for text in self.weights:
-            _term(text)
 
     def apply(self, signals: Signals) -> Signals:
         """The channels of every part, each scaled by the root of its weight."""
         columns, names, masks, present = [], [], [], []
+        steps = np.diff(signals.times)
+        step = float(np.median(steps)) if len(steps) else 0.0
+        step = step if step > 0 else _STEP
         for text, weight in self.weights.items():
             if weight == 0:
                 continue
             part, kind, share = _term(text)
             for side in ("",) if part == "nose" or part in _PAIRS else ("right_", "left_"):
                 if kind == "bend":
-                    values, suffixes, mask, there = _bend(signals, part, side)
+                    values, mask, there = _bend(signals, part, side)
                 else:
-                    vector, mask, there = _vector(signals, part, side)
-                    values, suffixes = self._kind(kind, vector, signals.times)
+                    values, mask, there = _vector(signals, part, side)
+                    if kind:
+                        values = _KINDS[kind](values, step, self.window)
+                suffixes = ("_x", "_y") if values.shape[1] == 2 else ("",)
                 values = values - share * values.mean(axis=0)
                 columns.append(values * np.sqrt(weight))
                 tail = (f".{kind}" if kind else "") + (f"@{share:g}" if share else "")
@@ -98,16 +107,13 @@ class Parts:
             present=np.array(present),
         )
 
-    def _kind(self, kind: str, vector: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-        return _KINDS[kind](vector, _step(times), self.window)
-
 
 def _term(text: str) -> tuple[str, str, float]:
     match = _TERM.fullmatch(text)
     part, kind = (match["part"], match["kind"] or "") if match else ("", "")
-    if match is None or part not in (*_POINTS, *_LIMBS, *_PAIRS) or kind not in (*_KINDS, "bend"):
+    if match is None or part not in (*_POINTS, *_LIMBS, *_PAIRS) or kind not in ("", *_KINDS, "bend"):
         known = ", ".join((*_POINTS, *_LIMBS, *_PAIRS))
-        kinds = ", ".join(k for k in (*_KINDS, "bend") if k)
+        kinds = ", ".join((*_KINDS, "bend"))
         raise ValueError(f"{text!r} is not part.kind@share with a part of {known} and a kind of {kinds}")
     if kind == "bend" and part not in _BENDS:
         raise ValueError(f"{text!r}: only {' and '.join(_BENDS)} bend")
@@ -120,12 +126,12 @@ def _term(text: str) -> tuple[str, str, float]:
 def _vector(signals: Signals, part: str, side: str) -> tuple[np.ndarray, bool, bool]:
     """(T, 2) float64 vector of a part, whether it is salient, whether it is present."""
     names: tuple[str, ...] = _LIMBS.get(part) or _PAIRS.get(part) or (part,)
-    joints = [f"{side}{name}" for name in names]
     tracks, mask, present = [], False, True
     assert signals.mask is not None and signals.present is not None
-    for joint in joints:
+    for name in names:
+        joint = f"{side}{name}"
         try:
-            places = [signals.channels.index(f"{joint}_{axis}") for axis in "xy"]
+            places = [signals.channels.index(f"{joint}_x"), signals.channels.index(f"{joint}_y")]
         except ValueError:
             raise SignalError(
                 f"filter 'parts' needs the channels {joint}_x and {joint}_y",
@@ -139,7 +145,7 @@ def _vector(signals: Signals, part: str, side: str) -> tuple[np.ndarray, bool, b
     return (tracks[-1] - tracks[0] if len(tracks) == 2 else tracks[0]), mask, present
 
 
-def _bend(signals: Signals, part: str, side: str) -> tuple[np.ndarray, tuple[str, ...], bool, bool]:
+def _bend(signals: Signals, part: str, side: str) -> tuple[np.ndarray, bool, bool]:
     """(T, 2) sine and cosine of the angle between the two limbs of a part, zero where one has no length.
 
     A mirror turns the sense of the angle round, as it does with x, and leaves the cosine, as y.
@@ -149,51 +155,43 @@ def _bend(signals: Signals, part: str, side: str) -> tuple[np.ndarray, tuple[str
     sine = upper[:, 0] * lower[:, 1] - upper[:, 1] * lower[:, 0]
     values = np.stack([sine, (upper * lower).sum(axis=1)], axis=1)
     angle = np.divide(values, both[:, None], out=np.zeros_like(values), where=both[:, None] > _NO_LENGTH)
-    return angle, ("_x", "_y"), mask or other, there and also
+    return angle, mask or other, there and also
 
 
-def _step(times: np.ndarray) -> float:
-    """Seconds from frame to frame; 1/20 where the times do not tell."""
-    steps = np.diff(times)
-    step = float(np.median(steps)) if len(steps) else 0.0
-    return step if step > 0 else 0.05
-
-
-def _itself(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
-    return vector, ("_x", "_y")
-
-
-def _direction(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
+def _direction(vector: np.ndarray, step: float, window: float) -> np.ndarray:
     length = np.linalg.norm(vector, axis=1, keepdims=True)
     # A limb that points at the camera has no direction in the picture.
-    return np.divide(vector, length, out=np.zeros_like(vector), where=length > _NO_LENGTH), ("_x", "_y")
+    direction: np.ndarray = np.zeros_like(vector)
+    np.divide(vector, length, out=direction, where=length > _NO_LENGTH)
+    return direction
 
 
-def _velocity(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
+def _velocity(vector: np.ndarray, step: float, window: float) -> np.ndarray:
     if len(vector) < 2:
-        return np.zeros_like(vector), ("_x", "_y")
-    return np.gradient(vector, axis=0) / (step * _TENTH), ("_x", "_y")
+        return np.zeros_like(vector)
+    velocity: np.ndarray = np.gradient(vector, axis=0) / (step * _TENTH)
+    return velocity
 
 
-def _energy(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
-    speed, suffixes = _velocity(vector, step, window)
-    return np.sqrt(np.maximum(smooth(speed**2, window / step), 0)), suffixes
+def _energy(vector: np.ndarray, step: float, window: float) -> np.ndarray:
+    energy: np.ndarray = np.sqrt(np.maximum(smooth(_velocity(vector, step, window) ** 2, window / step), 0))
+    return energy
 
 
-def _spread(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
+def _spread(vector: np.ndarray, step: float, window: float) -> np.ndarray:
     from_middle = vector - smooth(vector, 2 * window / step)
-    return np.sqrt(np.maximum(smooth(from_middle**2, window / step), 0)), ("_x", "_y")
+    spread: np.ndarray = np.sqrt(np.maximum(smooth(from_middle**2, window / step), 0))
+    return spread
 
 
-def _turning(vector: np.ndarray, step: float, window: float) -> tuple[np.ndarray, tuple[str, ...]]:
-    speed, _ = _velocity(vector, step, window)
+def _turning(vector: np.ndarray, step: float, window: float) -> np.ndarray:
+    speed = _velocity(vector, step, window)
     from_middle = vector - smooth(vector, 2 * window / step)
     area = from_middle[:, 0] * speed[:, 1] - from_middle[:, 1] * speed[:, 0]
-    return 3.0 * smooth(area[:, None], 0.75 * window / step), ("",)
+    return 3.0 * smooth(area[:, None], 0.75 * window / step)
 
 
-_KINDS: Mapping[str, Callable[[np.ndarray, float, float], tuple[np.ndarray, tuple[str, ...]]]] = {
-    "": _itself,
+_KINDS: Mapping[str, Callable[[np.ndarray, float, float], np.ndarray]] = {
     "direction": _direction,
     "velocity": _velocity,
     "energy": _energy,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.signals.body import extent, joint, relative_to_neck, trusted
+from gesture_core.signals.body import joint, relative_to_neck, trusted
 from gesture_core.types import PoseSequence
 
 
@@ -31,6 +31,6 @@ class ShoulderNormalizer:
         """(T, 18, 2) float64 in shoulder distances; NaN where a joint, the neck or a shoulder is missing."""
         right, left = joint(pose, "right_shoulder"), joint(pose, "left_shoulder")
         width = np.linalg.norm(right - left, axis=1)
-        scale = trusted(width, self.floor, "distance between the shoulders", pose.source, extent(pose))
+        scale = trusted(pose, width, self.floor, "distance between the shoulders")
         points: np.ndarray = relative_to_neck(pose) / scale[:, None, None]
         return points

@@ -34,17 +34,13 @@ class Gaussian:
 
     def apply(self, signals: Signals) -> Signals:
         """The smoothed signals; the ends are continued by reflection."""
-        sigma = self._frames(signals.times)
+        sigma = self.sigma
+        if self.seconds > 0:
+            step = float(np.median(np.diff(signals.times))) if len(signals) > 1 else 0.0
+            sigma = min(self.seconds / step, float(len(signals))) if step > 0 else 0.0
         if sigma == 0:
             return signals
         return replace(signals, values=smooth(signals.values.astype(np.float64), sigma))
-
-    def _frames(self, times: np.ndarray) -> float:
-        """The width in frames; no wider than the sequence."""
-        if self.seconds == 0:
-            return self.sigma
-        step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-        return min(self.seconds / step, float(len(times))) if step > 0 else 0.0
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.signals.body import extent, joint, mid_hip, relative_to_neck, trusted
+from gesture_core.signals.body import joint, mid_hip, relative_to_neck, trusted
 from gesture_core.types import PoseSequence
 
 
@@ -45,13 +45,13 @@ class TorsoNormalizer:
             across = joint(pose, "right_shoulder") - joint(pose, "left_shoulder")
             length = self.shoulders * np.linalg.norm(across, axis=1)
             what = "distance between the shoulders"
-        length = trusted(length, self.floor, what, pose.source, extent(pose))
-        scale = running_median(length, pose.times, self.window)[:, None, None]
+        length = trusted(pose, length, self.floor, what)
+        scale = median_over_time(length, pose.times, self.window)[:, None, None]
         points: np.ndarray = relative_to_neck(pose) / scale
         return points
 
 
-def running_median(values: np.ndarray, times: np.ndarray, window: float) -> np.ndarray:
+def median_over_time(values: np.ndarray, times: np.ndarray, window: float) -> np.ndarray:
     """(T,) median of the finite ``values`` within ``window`` seconds around each frame.
 
     A frame with no finite value near it takes the median of all; at least one must be finite.

@@ -1,0 +1,154 @@
+"""`Recognizer`: examples that are fitted under some settings, and what it predicts of queries.
+
+`GestureClassifier` is the same behind scikit-learn's interface, whose import takes longer than most of
+the comparisons of a run.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gesture_core.classify.comparison import check_alike, check_settings, compare
+from gesture_core.classify.decision import decide
+from gesture_core.classify.examples import ExampleLibrary, warn_of_contradictions
+from gesture_core.classify.learning import ExampleWeights, learn, needs_distances
+from gesture_core.errors import ConfigError, GestureError, InputError, WarpingError
+from gesture_core.plugin import registry
+from gesture_core.settings import Settings
+from gesture_core.signals.chain import Chain
+from gesture_core.types import PoseSequence, Prediction, SignalBatch, Signals
+
+# Examples are compared with each other in blocks of so many rows at most, and of about so many seconds.
+_MOST_ROWS, _SECONDS = 256, 2.0
+
+Item = PoseSequence | Signals | np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Recognizer:
+    """Fitted examples; made by `fit`.
+
+    Attributes
+    ----------
+    settings : Settings
+    library : ExampleLibrary
+        The examples that queries are compared with.
+    kept : (N,) int64
+        Where each of them stood among those that were given.
+    thresholds : (C,) float array or None
+        Largest distance at which each class gives its label.
+    weights : ExampleWeights or None
+        How much each example counts for each class, where all of them decide.
+    """
+
+    settings: Settings
+    library: ExampleLibrary
+    kept: np.ndarray
+    thresholds: np.ndarray | None = None
+    weights: ExampleWeights | None = None
+
+    @classmethod
+    def fit(
+        cls,
+        settings: Settings,
+        X: Sequence[Item],
+        y: Sequence[object],
+        names: Sequence[str] | None = None,
+        *,
+        alive: Callable[[], None] = lambda: None,
+        stacklevel: int = 1,
+    ) -> Recognizer:
+        """Keep ``X`` as examples with the labels ``y``; see `GestureClassifier.fit`."""
+        if len(X) != len(y):
+            raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
+        check_settings(settings)
+        chosen = settings.classify
+        library = ExampleLibrary.of(signals_of(X, settings, "example"), list(y), names)
+        check_alike(library.series, "example")
+        if not isinstance(library.series[0], Signals):
+            SignalBatch.of(library.series, np.float64, name="example")
+            # One precision whatever a query has, so that no row depends on the others of its batch.
+            library = replace(library, series=tuple(np.array(item, np.float64) for item in library.series))
+        if chosen.kernel != "auto":
+            registry().find("kernel", chosen.kernel)
+        most = len(library.classes) if chosen.representative else len(library)
+        if chosen.neighbors > most:
+            raise ConfigError(
+                f"{chosen.neighbors} neighbours were asked for and there are {most} examples",
+                remedy=f"n_neighbors from 0, for all of them, to {most}",
+                code="E_NEIGHBORS",
+            )
+        warn_of_contradictions(library, stacklevel + 1)
+        within = _among(library.series, settings, alive) if needs_distances(chosen) else None
+        kept, thresholds, weights = learn(library.codes, len(library.classes), chosen, within)
+        if chosen.representative:
+            library = library.take(kept)
+        return cls(settings, library, kept, thresholds, weights)
+
+    def distances(self, series: Sequence[Signals | np.ndarray]) -> np.ndarray:
+        """(Q, N) warping distances to the examples of `library`."""
+        return compare(series, self.library.series, self.settings)
+
+    def predictions(self, X: Sequence[Item]) -> list[Prediction]:
+        """One `Prediction` for each query; see `GestureClassifier.predictions`."""
+        found: dict[int, Prediction] = {}
+        usable: dict[int, Signals | np.ndarray] = {}
+        chain = Chain.from_settings(self.settings)
+        for place, item in enumerate(X):
+            try:
+                usable[place] = _signals_of(item, chain, f"query {place}")
+            except GestureError as error:
+                found[place] = Prediction(None, "error", code=error.code, message=error.message)
+        batches = [list(usable)] if usable else []
+        while batches:
+            places = batches.pop()
+            series = [usable[place] for place in places]
+            try:
+                distances = self.distances(series)
+            except (InputError, WarpingError) as error:
+                if len(places) > 1:  # halves of what cannot be compared, down to one
+                    batches += [places[: len(places) // 2], places[len(places) // 2 :]]
+                    continue
+                # Alone it was the first of its batch.
+                message = error.message.replace("query 0", f"query {places[0]}")
+                found[places[0]] = Prediction(None, "error", code=error.code, message=message)
+                continue
+            k, margin = self.settings.classify.neighbors, self.settings.classify.margin
+            decided = decide(distances, series, self.library, k, self.thresholds, self.weights, margin)
+            found.update(zip(places, decided, strict=True))
+        return [found[place] for place in range(len(X))]
+
+
+def signals_of(X: Sequence[Item], settings: Settings, name: str) -> list[Signals | np.ndarray]:
+    """``X`` with keypoints made signals; an error says of which element, ``name`` and number, it is."""
+    if isinstance(X, PoseSequence | Signals):
+        raise InputError(f"one {type(X).__name__} instead of a sequence of them", remedy="a list: [it]")
+    chain = Chain.from_settings(settings)
+    return [_signals_of(item, chain, f"{name} {index}") for index, item in enumerate(X)]
+
+
+def _signals_of(item: Item, chain: Chain, name: str) -> Signals | np.ndarray:
+    try:
+        return chain(item) if isinstance(item, PoseSequence) else item
+    except GestureError as error:
+        error.about(name)
+        raise
+
+
+def _among(
+    series: Sequence[Signals | np.ndarray], settings: Settings, alive: Callable[[], None]
+) -> np.ndarray:
+    """(N, N) distances among the examples, as many rows at a time as a kernel does in seconds."""
+    blocks: list[np.ndarray] = []
+    start, rows = 0, 1
+    while start < len(series):
+        begun = time.monotonic()
+        blocks.append(compare(series[start : start + rows], series, settings))
+        alive()
+        start += rows
+        rows = max(1, min(_MOST_ROWS, int(rows * _SECONDS / max(time.monotonic() - begun, 1e-3))))
+    return np.concatenate(blocks)

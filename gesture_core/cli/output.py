@@ -1,0 +1,194 @@
+"""What commands write and where: tables on a terminal, JSON lines through a pipe, files that can be written.
+
+Names that come from files are printed by `files.printable`, so that none of them can move the cursor.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gesture_core.errors import ConfigError, InputError
+from gesture_core.files import printable
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
+
+    from gesture_core.types import Row
+
+_ROWS_SHOWN = 60
+_REASONS_SHOWN = 20
+_WORST = ("error", "degraded", "rejected", "skipped", "ok")
+_STYLES = {"ok": "green", "degraded": "yellow", "rejected": "yellow", "skipped": "dim", "error": "red"}
+
+
+def say(text: str) -> None:
+    """One line for people, on standard error."""
+    print(printable(text), file=sys.stderr)
+
+
+def say_event(event: str, **facts: Any) -> None:
+    """One line for programs, as JSON on standard error."""
+    print(json.dumps({"event": event, **facts}, ensure_ascii=False), file=sys.stderr, flush=True)
+
+
+@contextmanager
+def warnings_as_lines() -> Iterator[None]:
+    """What functions of the package warn of in the block, as lines for people."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = lambda message, *_: say(str(message))
+        yield
+
+
+def counted(number: int, noun: str) -> str:
+    """``1 row``, ``2 rows``."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def named(names: Sequence[str], most: int = 5, join: str = ", ") -> str:
+    """The first ``most`` names, and how many more there are."""
+    more = f", and {len(names) - most} more" if names[most:] else ""
+    return join.join(names[:most]) + more
+
+
+def console(*, stderr: bool = False) -> Console:
+    """A Rich console; as wide as the text needs where it is no terminal."""
+    from rich.console import Console
+
+    stream = sys.stderr if stderr else sys.stdout
+    return Console(file=stream, width=None if stream.isatty() else 240, highlight=False, emoji=False)
+
+
+def print_table(
+    columns: Sequence[str], rows: Iterable[Sequence[str | Text]], *, right: Sequence[str] = ()
+) -> None:
+    """A plain table; the columns in ``right`` are right-aligned."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        table.add_column(column, justify="right" if column in right else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(printable(cell)) if isinstance(cell, str) else cell for cell in row))
+    console().print(table)
+
+
+def print_rows(rows: Sequence[Row], *, classified: bool = True) -> None:
+    """The result: a table and what went wrong on a terminal, JSON lines otherwise."""
+    if not sys.stdout.isatty():
+        from gesture_core.run.export import json_line
+
+        for row in rows:
+            print(json_line(row.as_record()))
+        return
+    row_table(rows[:_ROWS_SHOWN], classified=classified)
+    if len(rows) > _ROWS_SHOWN:
+        print(f"… and {counted(len(rows) - _ROWS_SHOWN, 'more row')}: gesture export writes all of them")
+    print_reasons(rows)
+
+
+def print_reasons(rows: Sequence[Row]) -> None:
+    """Why rows are not ``ok``, the worst first."""
+    flawed = sorted((row for row in rows if row.message), key=lambda row: _WORST.index(row.status))
+    for row in flawed[:_REASONS_SHOWN]:
+        print(f"{row.status} {row.code} {printable(row.message)}")
+    if len(flawed) > _REASONS_SHOWN:
+        print(f"… and {counted(len(flawed) - _REASONS_SHOWN, 'more reason')} in the column 'message'")
+
+
+def row_table(rows: Sequence[Row], *, classified: bool = True) -> None:
+    """One line for each row: input, then label, distance, margin, nearest example or frames, and status."""
+    from rich.text import Text
+
+    if classified:
+        columns, right = ["input", "label", "distance", "margin", "nearest example", "status"], [2, 3]
+    else:
+        columns, right = ["input", "frames", "with a pose", "seconds", "status"], [1, 2, 3]
+    base = _common_folder([row.input for row in rows])
+    cells: list[list[str | Text]] = []
+    for row in rows:
+        name = row.input.removeprefix(base) + (f" #{row.person}" if row.person else "")
+        status = Text(printable(f"{row.status} {row.code}".strip()), _STYLES[row.status])
+        if classified:
+            numbers = ["" if value is None else f"{value:.3f}" for value in (row.distance, row.margin)]
+            cells.append([name, row.label or "-", *numbers, _nearest(row), status])
+        else:
+            frames = [str(row.frames_read), str(row.frames_with_pose), f"{row.seconds:.1f}"]
+            cells.append([name, *frames, status])
+    print_table(columns, cells, right=[columns[i] for i in right])
+
+
+def _nearest(row: Row) -> str:
+    """The nearest example, with the folder above where that is its label."""
+    if not row.neighbors:
+        return ""
+    name, label, _ = row.neighbors[0]
+    folder, _, clip = name.rpartition("/")
+    return f"{label}/{clip}" if folder.rpartition("/")[2] == label else clip
+
+
+def _common_folder(names: Sequence[str]) -> str:
+    """The folder that all of ``names`` are in, with a slash at its end."""
+    if len(names) < 2:
+        return ""
+    first, last = min(names), max(names)
+    shared = next((i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(first))
+    return first[: first.rfind("/", 0, shared) + 1]
+
+
+def say_assumed(assumed: Mapping[str, int]) -> None:
+    """What keypoint files do not say and was assumed, and of how many, on standard error."""
+    for what, files in sorted(assumed.items()):
+        say(f"assumed for {counted(files, 'keypoint file')}: {what}")
+
+
+def check_file(
+    path: Path, suffixes: Sequence[str] = (), *, flag: str = "--out", replace: bool = True
+) -> None:
+    """Raise where no file can be written at ``path``: before the work begins, not after hours of it.
+
+    ``E_OPTION`` for a name that ends in none of ``suffixes``, ``E_EXISTS`` for a file that is there and not
+    to be replaced, ``E_OUT`` for a folder or a place that cannot be written to.
+    """
+    if suffixes and path.suffix.lower() not in suffixes:
+        remedy = f"a name that ends in {' or '.join(suffixes)}"
+        raise InputError(f"{flag} {path}", remedy=remedy, code="E_OPTION")
+    if path.is_dir():
+        raise ConfigError(f"{flag} {path} is a folder", remedy="a file", code="E_OUT")
+    if path.exists() and not replace:
+        raise InputError(
+            "there is a file of this name",
+            subject=str(path),
+            kept="that one",
+            remedy=f"--overwrite, or another {flag}",
+            code="E_EXISTS",
+        )
+    _check_writable(path.parent, f"{flag} {path}")
+
+
+def check_folder(path: Path, *, flag: str = "--out") -> None:
+    """Raise ``E_OUT`` where ``path`` is a file, or no folder that can be written to."""
+    if path.exists() and not path.is_dir():
+        raise ConfigError(f"{flag} {path} is a file", remedy="a folder", code="E_OUT")
+    _check_writable(path, f"{flag} {path}")
+
+
+def _check_writable(folder: Path, what: str) -> None:
+    """Try it, in the nearest folder that is there: no permission bit knows as much."""
+    there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        cause = f"{what} cannot be written ({there}: {error.strerror or error})"
+        raise ConfigError(cause, remedy="another place, or its permissions", code="E_OUT") from None

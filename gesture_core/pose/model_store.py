@@ -1,0 +1,264 @@
+"""Takes pose networks into the user's folder, from a file or an address, and checks that they are still
+what they were.
+
+A download is asked for by name, needs the hash that its publisher states, and never happens offline.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, BinaryIO
+from urllib.parse import urlsplit
+
+from gesture_core.errors import ModelError
+from gesture_core.files import models_dir, offline, replacing
+from gesture_core.pose.contract import ModelContract
+from gesture_core.pose.models import (
+    CARD,
+    MAX_BYTES,
+    SUFFIXES,
+    ModelFile,
+    added_names,
+    check_name,
+    file_model,
+    known_by_hash,
+    known_models,
+    read_card,
+    read_model,
+)
+
+_PROTOTXT_LIMIT = 1 << 20
+_ADDING = ".adding-"
+_LONG_AGO = 24 * 3600.0
+
+
+def add_model(
+    source: Path,
+    name: str = "",
+    *,
+    contract: Mapping[str, Any] | None = None,
+    licence: str = "",
+    sha256: str = "",
+    origin: str = "",
+    replace: bool = False,
+) -> ModelFile:
+    """Copy a model file into the user's folder under a name.
+
+    Parameters
+    ----------
+    source : path
+        An ONNX, TensorFlow or Caffe file; a Caffe file has its ``.prototxt`` beside it.
+    name : str
+        By default that of the known network with this hash, else the file's own, made a name.
+    contract : mapping
+        Fields of `ModelContract` that override what the hash, the name or the file say.
+    licence, origin : str
+        To be shown by `gesture models`.
+    sha256 : str
+        The hash that the file must have.
+    replace : bool
+        Whether a model of this name may be replaced.
+
+    Raises
+    ------
+    ModelError
+        ``E_MODEL_HASH`` for another hash, ``E_MODEL_EXISTS`` where the name is taken, and others
+        from reading the file. The model that was there is then as it was.
+    """
+    found = file_model(source)
+    check_hash(found.sha256, sha256, str(source))
+    known = known_by_hash(found.sha256) or known_models().get(name)
+    own = re.sub(r"[^a-z0-9]+", "-", source.stem.lower())[:64].strip("-") or "model"
+    name = check_name(name or (known.name if known else own))
+    if name in known_models() and known_models()[name].packaged:
+        raise ModelError(
+            f"{name!r} is the package's own network", remedy="another --name", code="E_MODEL_EXISTS"
+        )
+    base = known.contract if known else found.contract
+    table = {**(base.as_table() if base else {}), "licence": "", **(contract or {})}
+    card = {
+        "file": f"model-{found.sha256[:12]}{source.suffix.lower()}",
+        "sha256": found.sha256,
+        "licence": licence or (known.licence if known else ""),
+        "origin": origin or str(source),
+        "contract": ModelContract.from_table(table, found.name).as_table() if base or contract else None,
+    }
+    folder = models_dir()
+    target = folder / name
+    if target.exists() and not replace:
+        raise ModelError(
+            f"there is a model {name!r}",
+            subject=str(target),
+            kept="that one",
+            remedy="--replace, or another --name",
+            code="E_MODEL_EXISTS",
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    for left in folder.glob(f"{_ADDING}*"):  # by an addition that was killed
+        with suppress(OSError):
+            if time.time() - left.stat().st_mtime > _LONG_AGO:
+                shutil.rmtree(left)
+    if target.exists():
+        _fill(target, found, card)
+        return read_card(name)
+    new = Path(tempfile.mkdtemp(prefix=_ADDING, dir=folder))
+    try:
+        _fill(new, found, card)
+        new.replace(target)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+    return read_card(name)
+
+
+def _fill(folder: Path, found: ModelFile, card: Mapping[str, Any]) -> None:
+    """Write the model's files, then its card, then remove what the card does not name.
+
+    In a folder that is in use the card decides which file is the model, and it changes last, by one
+    rename: whatever ends this half-way, the name stands for the old model or for the new one.
+    """
+    model = folder / card["file"]
+    contents = {model: found.read()}
+    if found.path.suffix.lower() == ".caffemodel":
+        contents[model.with_suffix(".prototxt")] = read_model(found.prototxt, _PROTOTXT_LIMIT)
+    contents[folder / CARD] = (json.dumps(card, indent=2) + "\n").encode()
+    for path, data in contents.items():
+        with replacing(path) as temporary:
+            temporary.write_bytes(data)
+    for path in set(folder.iterdir()) - set(contents):
+        with suppress(OSError):  # an old model that somebody has open, on Windows: the next time
+            path.unlink()
+
+
+def verify_models() -> list[tuple[str, Path, str]]:
+    """Name, file and what is wrong (empty: nothing) of every model of the package and the user."""
+    found = []
+    for name in added_names():
+        path, trouble = models_dir() / name, ""
+        try:
+            card = read_card(name)
+            path = card.path
+            check_hash(hashlib.sha256(read_model(path)).hexdigest(), card.sha256, str(path))
+        except ModelError as error:
+            trouble = f"{error.code} {error.cause}"
+        found.append((name, path, trouble))
+    for known in known_models().values():
+        packaged = known.packaged_path
+        if packaged is not None:
+            actual = hashlib.sha256(read_model(packaged)).hexdigest()
+            wrong = bool(known.sha256) and actual not in known.sha256
+            found.append((known.name, packaged, f"E_MODEL_HASH its SHA-256 is {actual}" if wrong else ""))
+    return found
+
+
+def check_hash(actual: str, wanted: str, subject: str) -> None:
+    """Raise ``E_MODEL_HASH`` where a hash was asked for and it is another."""
+    if wanted and not re.fullmatch(r"[0-9a-f]{64}", wanted.lower()):
+        raise ModelError(f"{wanted!r} is no SHA-256", remedy="64 hexadecimal digits", code="E_MODEL_HASH")
+    if wanted and actual != wanted.lower():
+        raise ModelError(
+            f"its SHA-256 is {actual}, expected {wanted.lower()}",
+            subject=subject,
+            kept="nothing of it",
+            remedy="get the file again from its source",
+            code="E_MODEL_HASH",
+        )
+
+
+@contextmanager
+def downloaded(
+    url: str, sha256: str, *, limit: int = MAX_BYTES, on_bytes: Callable[[int], None] = lambda count: None
+) -> Iterator[Path]:
+    """The file at ``url`` in a folder of its own, which is removed at the end, whatever happens.
+
+    ``on_bytes`` is told how many more bytes have come. What gets a network by its name (`KnownModel.url`,
+    or a file inside an archive) begins here, and ends with `add_model`.
+
+    Raises
+    ------
+    ModelError
+        ``E_OFFLINE`` where downloads are switched off, ``E_MODEL_URL`` for an address that cannot be
+        used or fetched, ``E_MODEL_HASH`` without a hash or with another one, ``E_MODEL_SIZE`` past
+        ``limit`` bytes.
+    """
+    parts = urlsplit(url)
+    name = Path(parts.path).name
+    if parts.scheme not in ("http", "https") or not name.lower().endswith(SUFFIXES):
+        raise ModelError(
+            "not the address of a model file",
+            subject=url,
+            remedy=f"https://…, ending in {', '.join(SUFFIXES)}",
+            code="E_MODEL_URL",
+        )
+    if not sha256:
+        raise ModelError(
+            "a download needs the hash that its publisher states",
+            subject=url,
+            remedy="--sha256 HASH",
+            code="E_OPTION",
+        )
+    check_hash(sha256.lower(), sha256, url)
+    if offline():
+        raise ModelError(
+            "downloads are switched off (GESTURE_OFFLINE)",
+            subject=url,
+            remedy="bring the file: 'gesture models add FILE'",
+            code="E_OFFLINE",
+        )
+    import pooch
+    import requests
+
+    def fetch(address: str, target: str, keeper: Any) -> None:
+        with Path(target).open("wb") as file:
+            bounded = _Bounded(file, limit, url, on_bytes)
+            pooch.HTTPDownloader(timeout=30)(address, bounded, keeper)
+
+    pooch.get_logger().setLevel("WARNING")  # its log names a temporary file, which tells the user nothing
+    with tempfile.TemporaryDirectory(prefix="gesture-model-") as folder:
+        try:
+            path = pooch.retrieve(url, f"sha256:{sha256.lower()}", fname=name, path=folder, downloader=fetch)
+        except (requests.RequestException, OSError) as error:
+            raise ModelError(
+                f"cannot be fetched: {error}", subject=url, kept="nothing of it", code="E_MODEL_URL"
+            ) from error
+        except ValueError as error:  # pooch: the hash is another
+            raise ModelError(
+                f"the file there does not have the SHA-256 {sha256.lower()}",
+                subject=url,
+                kept="nothing of it",
+                remedy="check the hash with the publisher",
+                code="E_MODEL_HASH",
+            ) from error
+        yield Path(path)
+
+
+class _Bounded:
+    """A file that refuses to grow past a limit: a server may send more than it says."""
+
+    def __init__(self, file: BinaryIO, limit: int, url: str, on_bytes: Callable[[int], None]) -> None:
+        self._file = file
+        self._left = self._limit = limit
+        self._url = url
+        self._on_bytes = on_bytes
+
+    def write(self, data: bytes) -> int:
+        self._left -= len(data)
+        if self._left < 0:
+            raise ModelError(
+                f"larger than {self._limit >> 20} MiB",
+                subject=self._url,
+                kept="nothing of it",
+                code="E_MODEL_SIZE",
+            )
+        self._on_bytes(len(data))
+        return self._file.write(data)
+
+    def flush(self) -> None:
+        self._file.flush()

@@ -1,0 +1,210 @@
+"""Why an input of a run got its label: `explain`."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gesture_core.classify import explanation
+from gesture_core.classify.explanation import Explanation
+from gesture_core.classify.recognizer import Recognizer, signals_of
+from gesture_core.errors import GestureError, InputError, RunFolderError
+from gesture_core.run.evaluate import people_of
+from gesture_core.run.inputs import Input, discover
+from gesture_core.run.pipeline import Listener
+from gesture_core.run.results import open_results
+from gesture_core.settings import Settings, settings_from_dict
+from gesture_core.signals.chain import Chain
+from gesture_core.types import PoseSequence, Row, Signals
+
+
+@dataclass(frozen=True, eq=False)
+class RowExplanation:
+    """A row of a run, and why it has its label.
+
+    Attributes
+    ----------
+    row : Row
+        As the run left it. Its label is another one than that of ``explanation.nearest`` where this version
+        decides otherwise than the one that made the run.
+    explanation : Explanation
+        The nearest example of the label and of the runner-up, with both warpings and what each channel of
+        the movement costs; where all examples decide, also what each of them adds to the decision.
+    file_name : str
+        For a picture of it; no other input of the run has the same one.
+    """
+
+    row: Row
+    explanation: Explanation
+    file_name: str
+
+
+def explain(
+    run: str | os.PathLike[str], input: str, person: int = 0, *, listener: Listener | None = None
+) -> RowExplanation:
+    """Explain a row of a run: `gesture explain` as a function.
+
+    Parameters
+    ----------
+    run : path
+        The run folder. Its inputs and examples must be where the run found them.
+    input : str
+        The input as the row names it, or a part of its name that no other one has.
+    person : int
+        Which person of the input, where it has several.
+    listener : Listener, optional
+        Told about the extraction of keypoints that are not in the store any more.
+
+    Raises
+    ------
+    RunFolderError
+        ``E_NO_RUN`` where the folder holds no run, or one that classified nothing.
+    InputError
+        ``E_NOT_FOUND`` where there is no such row, or it was never compared with anything; ``E_CHANGED``
+        where an input or example is not what it was.
+
+    Examples
+    --------
+    >>> from gesture_core import explain
+    >>> found = explain("run/", "clip_01")
+    >>> found.row.label == found.explanation.nearest.label
+    True
+    >>> found.explanation.nearest.distance < found.explanation.runner_up.distance
+    True
+    """
+    with open_results(run) as results:
+        rows = list(results.rows())
+        row = _row(rows, input, person)
+        configuration = json.loads(results.get("configuration") or "{}")
+        left_out = {failed.input for failed in results.rows("example")}
+    if not configuration.get("examples"):
+        raise RunFolderError(
+            "holds keypoints only, nothing was classified",
+            subject=str(run),
+            remedy="a folder that gesture classify wrote",
+            code="E_NO_RUN",
+        )
+    if row.distance is None:
+        raise _nothing(row)
+    settings = settings_from_dict(configuration["settings"])
+    examples = {n: known for n, known in configuration["examples"].items() if n not in left_out}
+    hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
+    people = _people(hashes, settings, listener)
+    query = _query(row, people, settings)
+    recognizer = _recognizer(examples, people, settings)
+    distances = recognizer.distances([query])[0]
+    found = explanation.explain(query, recognizer.library, distances, settings, recognizer.weights)
+    return RowExplanation(row, found, _file_name(row, rows))
+
+
+def _people(
+    hashes: Mapping[str, str], settings: Settings, listener: Listener | None
+) -> dict[str, list[PoseSequence]]:
+    """People of each input by its name, from the keypoint store or extracted again.
+
+    ``hashes`` are the content hashes that the run saw; an input that has changed since is an error.
+    An input that cannot be read is left out.
+    """
+    spellings: dict[str, list[str]] = {}  # an input may be an example too, under another name
+    for name in hashes:
+        spellings.setdefault(_place(name), []).append(name)
+    items = [item for item in _inputs(hashes) if _place(item.name) in spellings]
+    people: dict[str, list[PoseSequence]] = {}
+    for item, found, sequences in people_of(items, settings, listener=listener):
+        for name in spellings[_place(item.name)]:
+            if found.sha256 and found.sha256 != hashes[name]:
+                raise InputError(
+                    "has changed since the run",
+                    subject=name,
+                    remedy="gesture classify --overwrite first",
+                    code="E_CHANGED",
+                )
+            if not found.code:
+                people[name] = sequences
+    return people
+
+
+def _place(name: str) -> str:
+    """The same for all spellings of an input."""
+    path, _, member = name.partition("::")
+    return f"{Path(path).resolve()}::{member}"
+
+
+def _inputs(names: Iterable[str]) -> list[Input]:
+    """What is in the files and folders that ``names`` lie in; each is looked into once."""
+    paths = dict.fromkeys(name.partition("::")[0] for name in names)
+    try:
+        return discover(list(paths))
+    except InputError as error:
+        raise InputError(
+            "is not where the run found it",
+            subject=error.subject,
+            remedy="gesture explain in the folder in which gesture classify was run, or to put it back",
+            code=error.code,
+        ) from None
+
+
+def _row(rows: Sequence[Row], name: str, person: int) -> Row:
+    """The row of the input called ``name``, or the only one whose name ends so, or holds it."""
+    names = dict.fromkeys(row.input for row in rows)
+    found = (
+        [n for n in names if n == name]
+        or [n for n in names if n.endswith(name)]
+        or [n for n in names if name in n]
+    )
+    if len(found) != 1:
+        some = ", ".join((found or list(names))[:5])
+        raise InputError(
+            f"{name!r} could be any of {len(found)} inputs" if found else f"no input of the run is {name!r}",
+            remedy=f"one of {some}{' …' if len(found or names) > 5 else ''}",
+            code="E_NOT_FOUND",
+        )
+    for row in rows:
+        if row.input == found[0] and row.person == person:
+            return row
+    known = " or ".join(f"--person {row.person}" for row in rows if row.input == found[0])
+    raise InputError(f"has no person {person}", subject=found[0], remedy=known, code="E_NOT_FOUND")
+
+
+def _file_name(row: Row, rows: Sequence[Row]) -> str:
+    """The file's name, with its folders where several files have it, and the person."""
+    same = {other.input for other in rows if Path(other.input).name == Path(row.input).name}
+    name = Path(row.input).name if len(same) == 1 else row.input.lstrip("./")
+    number = f"-{row.person}" if row.person else ""
+    safe = re.sub(r"[^\w.-]+", "_", name)
+    return f"explain-{safe[-80:]}{number}.png"
+
+
+def _nothing(row: Row) -> InputError:
+    """A row that was never compared explains itself."""
+    message = row.message.removeprefix(f"{row.input}: ")
+    cause = f"there is nothing to explain, {row.status} {row.code}: {message}"
+    return InputError(cause, subject=row.input, code="E_NOT_FOUND")
+
+
+def _query(row: Row, people: Mapping[str, Sequence[PoseSequence]], settings: Settings) -> Signals:
+    for pose in people.get(row.input, []):
+        if pose.person == row.person:
+            return Chain.from_settings(settings)(pose)
+    raise _nothing(row)
+
+
+def _recognizer(
+    examples: Mapping[str, Any], people: Mapping[str, Sequence[PoseSequence]], settings: Settings
+) -> Recognizer:
+    """The recognizer of the run, from its examples' keypoints, in their order."""
+    signals, labels, names = [], [], []
+    for name, known in examples.items():
+        first = people.get(name, [])[:1]
+        try:
+            signals += signals_of(first, settings, "example")
+        except GestureError:
+            continue  # the run left it out as well, and its rows say why
+        labels += [known["label"]] * len(first)
+        names += [name] * len(first)
+    return Recognizer.fit(settings, signals, labels, names)

@@ -1,0 +1,296 @@
+"""What can be set: the sections with their defaults and bounds, and `Settings`, the frozen tree of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from gesture_core.dtw.spec import DtwSpec
+from gesture_core.errors import ConfigError
+
+DEFAULT_PRESET = "modern"
+_INFINITE = float("inf")
+
+
+class _Section:
+    """Refuses a number outside its `BOUNDS`; None is always inside."""
+
+    def __post_init__(self) -> None:
+        for key, (low, high) in BOUNDS.items():
+            section, _, name = key.partition(".")
+            value = vars(self)[name] if SECTIONS[section] is type(self) else None
+            if value is not None and not low <= value <= high:
+                wanted = f"{low:g} to {high:g}" if high < _INFINITE else f"{low:g} or more"
+                raise ConfigError(f"{key} = {value!r}", remedy=wanted, code="E_OPTION")
+
+
+@dataclass(frozen=True)
+class PoseSettings(_Section):
+    """How people are found in pictures.
+
+    Attributes
+    ----------
+    backend : str
+        Name of a pose backend.
+    model : str
+        Name or file of a pose network.
+    people : "single" or "multi"
+        One person for each input, or one row for each track.
+    height : int or None
+        Height in pixels that a picture is scaled to, for networks that take any size; None leaves it
+        to the network's contract.
+    follow : bool or None
+        Crop to the person and follow them; None lets the model decide.
+    score : None or float
+        Joints below this confidence are missing, of networks and of keypoint files that have
+        scores; None leaves it to the network, and takes every joint of a keypoint file.
+    reader : str
+        Video reader: ``auto``, ``pyav`` or ``opencv``.
+    fps : float
+        Frames per second of keypoint files that carry no times.
+    """
+
+    backend: str = "onnx"
+    model: str = "compact"
+    people: Literal["single", "multi"] = "single"
+    height: int | None = None
+    follow: bool | None = None
+    score: float | None = None
+    reader: str = "auto"
+    fps: float = 30.0
+
+
+@dataclass(frozen=True)
+class SignalSettings(_Section):
+    """The chain from keypoints to signals.
+
+    Attributes
+    ----------
+    max_gap : float
+        Seconds of a missing joint that are interpolated; a joint with a longer gap inside keeps
+        its nearest values only if it was seen in ``min_seen`` of the frames.
+    min_seen : float
+        Share of frames in which a joint must be seen to count as present.
+    min_frames : int
+        Frames with a pose that a sequence needs to be classified at all.
+    normalizer : str
+        Name of the plugin that puts coordinates into the body's own frame of reference.
+    filters : tuple of str
+        Names of the filter plugins, in order.
+    selector : str
+        Name of the plugin that chooses the channels that are compared.
+    still : "refuse" or "posture"
+        What a sequence is in which no channel is salient: refused (E_NO_SALIENT), or a posture
+        that can only be matched by examples that are still too.
+    """
+
+    max_gap: float = 0.5
+    min_seen: float = 0.5
+    min_frames: int = 5
+    normalizer: str = "shoulder"
+    filters: tuple[str, ...] = ("gaussian", "center")
+    selector: str = "variance"
+    still: Literal["refuse", "posture"] = "refuse"
+
+
+@dataclass(frozen=True)
+class ClassifySettings(_Section):
+    """The decision.
+
+    Soft distances (`dtw.gamma`) may be negative, and take none of ``neighbors = 0``, `mirror`, `coverage`
+    and `relative`.
+
+    Attributes
+    ----------
+    kernel : str
+        Name of a distance kernel, or ``auto``.
+    neighbors : int
+        How many of the nearest examples vote; with 0, all examples decide, and the weight of each for
+        each class is learned from the distances among them (`gesture_core.classify.weighing`).
+    sharpness : float
+        With ``neighbors = 0``: a similarity is exp(-sharpness * d), where d is 1 for an example of
+        another class at its usual distance.
+    shrinkage : float
+        With ``neighbors = 0``: penalty on the squared weights; more makes all examples more alike.
+    reject : None or float
+        Distances above this get no label.
+    reject_sd : None or float
+        Distances above the mean and this many standard deviations of those inside the class get no label;
+        where ``reject`` is set too, the lower of the two counts.
+    margin : None or float
+        Labels with a smaller margin are rejected (E_UNSURE). The margin is the lead of the winner's
+        score where all examples decide (0 to about 1), otherwise of its distance.
+    representative : bool
+        Keep only the medoid of each class as its example.
+    min_pose : float
+        Share of frames with a pose below which a sequence is rejected (E_POSE_SPARSE).
+    mirror : None or float
+        Every example also stands for the same movement made with the other hand; the distance to
+        that reading is multiplied by this factor, 1 or more.
+    coverage : bool
+        Divide a distance by the share of channels that both sequences have; with `relative`, by the
+        share of their sizes that lies in these channels.
+    separate : bool
+        One warping for each body part instead of one for all channels, in dependent mode; the
+        distance is their sum, so that legs need not keep the hands' time.
+    relative : None or float
+        Power, 0 to 1, to which the sizes of the two sequences (their geometric mean) divide a
+        distance; at 1 a large movement is no farther from everything than a small one.
+    rest : float
+        With `relative`: size that every frame has even where nothing moves.
+    """
+
+    kernel: str = "auto"
+    neighbors: int = 1
+    sharpness: float = 3.0
+    shrinkage: float = 0.1
+    reject: float | None = None
+    reject_sd: float | None = None
+    margin: float | None = None
+    representative: bool = False
+    min_pose: float = 0.25
+    mirror: float | None = None
+    coverage: bool = False
+    separate: bool = False
+    relative: float | None = None
+    rest: float = 0.0
+
+
+@dataclass(frozen=True)
+class LimitSettings(_Section):
+    """What one input may cost before it is given up.
+
+    Attributes
+    ----------
+    pixels : int
+        Most pixels of one frame.
+    frames : int
+        Most frames of one input.
+    seconds : float
+        Seconds without a sign of progress after which a worker process is ended.
+    memory : int
+        Most memory of one worker process, in MiB.
+    cache : int
+        Size of the keypoint store in MiB, beyond which a run deletes what was used longest ago.
+    """
+
+    pixels: int = 64_000_000
+    frames: int = 200_000
+    seconds: float = 120.0
+    memory: int = 4096
+    cache: int = 10_240
+
+
+SECTIONS: Mapping[str, type] = {
+    "pose": PoseSettings,
+    "signals": SignalSettings,
+    "dtw": DtwSpec,
+    "classify": ClassifySettings,
+    "limits": LimitSettings,
+}
+
+
+BOUNDS: Mapping[str, tuple[float, float]] = {
+    "pose.height": (32, 4096),
+    "pose.score": (0, 1),
+    "pose.fps": (0.001, 100_000),
+    "signals.max_gap": (0, _INFINITE),
+    "signals.min_seen": (0, 1),
+    "signals.min_frames": (1, 1e9),
+    "classify.neighbors": (0, 1e9),
+    "classify.sharpness": (0.01, 100),
+    "classify.shrinkage": (1e-6, 1e6),
+    "classify.reject": (-_INFINITE, _INFINITE),
+    "classify.reject_sd": (0, _INFINITE),
+    "classify.margin": (0, _INFINITE),
+    "classify.min_pose": (0, 1),
+    "classify.mirror": (1, _INFINITE),
+    "classify.relative": (0, 1),
+    "classify.rest": (0, _INFINITE),
+    "limits.pixels": (1, 1e12),
+    "limits.frames": (1, 1e9),
+    "limits.seconds": (0.1, _INFINITE),
+    "limits.memory": (64, 1e9),
+    "limits.cache": (0, 1e9),
+}
+"""Least and greatest value of each number; those of the section dtw are checked by `DtwSpec`."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All settings of a run. Plugin options are in ``options[plugin][option]``.
+
+    Examples
+    --------
+    >>> from gesture_core import load_settings
+    >>> settings = load_settings("paper", ["neighbors=3"])
+    >>> settings.classify.neighbors, settings.signals.filters
+    (3, ('gaussian', 'center'))
+    >>> settings.with_values([("dtw.window", 0.1)]).dtw.window
+    0.1
+    """
+
+    preset: str = DEFAULT_PRESET
+    pose: PoseSettings = field(default_factory=PoseSettings)
+    signals: SignalSettings = field(default_factory=SignalSettings)
+    dtw: DtwSpec = field(default_factory=DtwSpec)
+    classify: ClassifySettings = field(default_factory=ClassifySettings)
+    limits: LimitSettings = field(default_factory=LimitSettings)
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def plugins(self) -> list[tuple[str, str]]:
+        """(kind, name) of every plugin that takes part between keypoints and label, in order.
+
+        A name is that of the settings: ``gaussian:wide`` is a second ``gaussian``, whose options are those
+        of ``[options."gaussian:wide"]``. The kernel is missing as long as it is ``auto``, or none is used.
+        """
+        chosen = self.signals
+        steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
+        for name in chosen.filters:
+            steps.append(("filter", name))
+        kernel = self.classify.kernel
+        return steps if kernel in ("", "auto") else [*steps, ("kernel", kernel)]
+
+    def plugin_options(self, name: str) -> dict[str, Any]:
+        """Keyword arguments of plugin ``name``."""
+        return dict(self.options.get(name, {}))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The whole tree as plain dicts, lists and scalars, without the preset's name.
+
+        Raises
+        ------
+        ConfigError
+            For a band that is a mask, which has no such form.
+        """
+        if self.dtw.mask is not None:
+            raise ConfigError(
+                "dtw.mask cannot be written down with a run",
+                remedy="dtw.window or dtw.shape; masks are for GestureClassifier and warping_distances",
+                code="E_OPTION",
+            )
+        tree: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        del tree["preset"]
+        return tree
+
+    def with_values(self, values: Iterable[tuple[str, Any]], origin: str = "--set") -> Settings:
+        """The settings with ``(dotted key, value)`` pairs changed.
+
+        Parameters
+        ----------
+        values : iterable of (str, object)
+            A text is read by the type of its setting, or as a TOML value for the option of a plugin. A bare
+            key such as ``window`` is accepted where only one section or plugin has it.
+        origin : str
+            Where the values were given, for errors.
+
+        Raises
+        ------
+        ConfigError
+            For an unknown key (naming the nearest one) or a value of the wrong type.
+        """
+        from gesture_core.settings.load import changed  # which reads text; here is only what there is
+
+        return changed(self, values, origin)

@@ -1,0 +1,54 @@
+"""What a terminal shows of a result: the table, the label of the nearest example, the reasons."""
+
+from __future__ import annotations
+
+import pytest
+
+from gesture_core.cli.output import counted, named, print_reasons, row_table
+from gesture_core.types import Row
+
+
+def rows() -> list[Row]:
+    clears = "in/c\x1b[2J.mp4"
+    near = (("examples/wave/1.mp4", "wave", 0.25),)
+    return [
+        Row("in/a.mp4", label="wave", distance=0.25, margin=0.5, neighbors=near, status="ok"),
+        Row("in/b.mp4", status="skipped", code="E_NOT_AN_INPUT", message="in/b.mp4: neither"),
+        Row(clears, person=2, status="error", code="E_MEDIA_BROKEN", message=f"{clears}: no"),
+    ]
+
+
+def test_the_table_names_the_label_of_the_nearest_example(capsys: pytest.CaptureFixture[str]) -> None:
+    row_table(rows())
+    said = capsys.readouterr().out
+    assert "wave/1.mp4" in said and "examples/" not in said and "in/" not in said
+    assert "0.250" in said and "#2" in said and "error E_MEDIA_BROKEN" in said
+    assert "\x1b" not in said
+    row_table([Row("a.mp4", neighbors=(("persons/anna/wave_1.mp4", "wave", 0.2),), status="ok")])
+    said = capsys.readouterr().out
+    assert "wave_1.mp4" in said and "anna" not in said, "a folder that is no label tells nothing"
+
+
+def test_keypoints_have_a_table_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+    row_table(
+        [Row("in/a.mp4", frames_read=40, frames_with_pose=38, seconds=1.95, status="ok"), *rows()],
+        classified=False,
+    )
+    said = capsys.readouterr().out
+    assert "label" not in said and "with a pose" in said
+    assert [cell for cell in said.splitlines()[3].split() if cell] == ["a.mp4", "40", "38", "1.9", "ok"]
+
+
+def test_reasons_stand_below_the_worst_first(capsys: pytest.CaptureFixture[str]) -> None:
+    print_reasons(rows())
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == "error E_MEDIA_BROKEN in/c\\x1b[2J.mp4: no"
+    assert second == "skipped E_NOT_AN_INPUT in/b.mp4: neither"
+    print_reasons(rows()[1:2] * 30)
+    assert "… and 10 more reasons" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_words() -> None:
+    assert [counted(n, "row") for n in (0, 1, 2)] == ["0 rows", "1 row", "2 rows"]
+    assert named(["a", "b"]) == "a, b"
+    assert named([str(n) for n in range(8)], 3, " ") == "0 1 2, and 5 more"
