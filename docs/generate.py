@@ -26,13 +26,12 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from rich.console import Console
 
-from gesture_core import errors
 from gesture_core.cli.main import app
+from gesture_core.errors import Code, Status
 from gesture_core.plugin import hooks, registry
 from gesture_core.plugin.interfaces import INTERFACES, KINDS
 from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings, presets
 from gesture_core.testing import checks_for
-from gesture_core.types import Status
 
 ROOT = Path(__file__).resolve().parents[1]
 WIDTH = 80
@@ -100,7 +99,7 @@ def settings_page() -> Iterator[str]:
     yield row("flag", "`--set dtw.window=0.1`; the section may be left out where the name is unique")
     yield "\nAn unknown key is an error that names the nearest one, and so is an option of a plugin that"
     yield "takes no part. Options of plugins are set in the same way, `--set gaussian.sigma=2`; they are"
-    yield "listed with the [built-in plugins](plugins.md).\n"
+    yield "listed with the [built-in plugins](plugins.md). On the command line: `gesture settings [KEY]`.\n"
     for section in dataclasses.fields(Settings):
         defaults = getattr(Settings(), section.name)
         if dataclasses.is_dataclass(defaults):
@@ -158,12 +157,8 @@ def codes_page() -> Iterator[str]:
     """Every code with the status of its row, the exit code, its meaning and the remedy."""
     yield "# Codes\n\nA row that is not plainly `ok`, and a command that fails, name one of these codes. The"
     yield "printed form is `CODE subject: cause; kept: what is still valid; try: the remedy`.\n"
-    codes = getattr(errors, "Code", None)
-    if codes is None:
-        yield "No enumeration of codes in this version."
-        return
     yield "| code | status of the row | exit code | meaning | remedy |\n|---|---|---|---|---|"
-    for code in codes:
+    for code in Code:
         for fact in ("meaning", "remedy"):
             if not str(getattr(code, fact)).strip():
                 log.warning("code %s has no %s", code.name, fact)
@@ -304,10 +299,13 @@ def is_here(target: str) -> bool:
 
 
 def python_page() -> Iterator[str]:
-    """The public names of the package."""
+    """The public names of the package, but for those that it shares with the warping distances."""
+    names, distances = public_names("gesture_core"), public_names("gesture_core.dtw")
+    both = sorted(names.keys() & distances.keys())
     yield "# Python\n\nEverything that `import gesture_core` offers. A name is imported when it is first"
     yield "used; importing the package imports no NumPy.\n"
-    yield from public_names("gesture_core")
+    yield f"{', '.join(f'`{name}`' for name in both)}: see [Warping distances](dtw.md).\n"
+    yield from (f"::: {home}.{name}\n" for name, home in names.items() if name not in both)
 
 
 def dtw_page() -> Iterator[str]:
@@ -319,16 +317,15 @@ def dtw_page() -> Iterator[str]:
     yield row("aeon", '`DtwSpec(cost="squared")`')
     yield row("fastdtw", '`DtwSpec(cost="absolute")`')
     yield ""
-    yield from public_names("gesture_core.dtw")
+    yield from (f"::: {home}.{name}\n" for name, home in public_names("gesture_core.dtw").items())
 
 
-def public_names(module_name: str) -> Iterator[str]:
-    """A directive of mkdocstrings for each public name of a module, where it is defined."""
+def public_names(module_name: str) -> dict[str, str]:
+    """The public names of a module in alphabetical order, with the modules in which they are defined."""
     module = importlib.import_module(module_name)
-    for name in sorted(getattr(module, "__all__", ()), key=str.lower):
-        value = getattr(module, name)
-        if name != "__version__" and not inspect.ismodule(value):
-            yield f"::: {defined_in(name, value)}.{name}\n"
+    names = sorted(getattr(module, "__all__", ()), key=str.lower)
+    values = {name: getattr(module, name) for name in names if name != "__version__"}
+    return {name: defined_in(name, value) for name, value in values.items() if not inspect.ismodule(value)}
 
 
 def defined_in(name: str, value: Any) -> str:

@@ -18,13 +18,13 @@ import pytest
 from conftest import ROOT
 from pages import blocks, spoken_commands, table, write_folder
 
-from gesture_core import errors
 from gesture_core.cli.main import app, run
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.demo.motions import GESTURES
+from gesture_core.errors import Code, Status
 from gesture_core.plugin.interfaces import KINDS
 from gesture_core.settings import LimitSettings, load_settings
-from gesture_core.types import COLUMNS, Status
+from gesture_core.types import COLUMNS
 
 DOCS = ROOT / "docs"
 EVERY = sorted(DOCS.rglob("*.md"))
@@ -119,7 +119,7 @@ def test_the_generated_pages_are_complete(site: Path) -> None:
     for name in app:
         assert name.startswith("-") or f">gesture {name}<" in commands, name
     codes = (site / "reference" / "codes" / "index.html").read_text("utf-8")
-    for code in getattr(errors, "Code", ()):
+    for code in Code:
         assert f"<code>{code.value}</code>" in codes
 
 
