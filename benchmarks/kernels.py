@@ -1,6 +1,6 @@
 """The DTW engine against other libraries and against hand-written C.
 
-    python benchmarks/kernels.py [--shared ../shared] [--plot kernels.png]
+    python benchmarks/kernels.py [--shared ../shared] [--plot docs/images/kernels.png]
 
 Installs the peers into an environment of their own (``.venv-peers``), compiles ``lanes.c``, and
 prints one table for each goal. CPU-seconds are of one thread unless a row says otherwise; medians.

@@ -1,6 +1,6 @@
 """Accuracy under damage: the paper's method beside the preset `modern`, as a table and as curves.
 
-    python benchmarks/stress.py [--shared FOLDER] [--png benchmarks/stress.png] [--kernel NAME]
+    python benchmarks/stress.py [--shared FOLDER] [--png docs/images/stress.png] [--kernel NAME]
 
 Queries are damaged, examples stay whole: utd_openpose, leave-one-subject-out. Damage is drawn from
 a fixed seed, the same for every preset.
@@ -216,7 +216,7 @@ def main() -> int:
     """Print the table and draw the curves."""
     parser = arguments(__doc__.splitlines()[0])
     parser.add_argument("--presets", nargs="+", default=["paper", "modern", "modern+upright"])
-    parser.add_argument("--png", type=Path, default=ROOT / "benchmarks" / "stress.png")
+    parser.add_argument("--png", type=Path, default=ROOT / "docs" / "images" / "stress.png")
     parser.add_argument("--kernel", default="auto")
     given = parser.parse_args()
     items = utd_openpose(given.shared)

@@ -1,4 +1,4 @@
-"""Draws the pictures of the README from the demonstration archive: ``python docs/pictures.py``.
+"""Draws the pictures that are made of the demonstration archive: ``python docs/pictures.py``.
 
 Nobody in them is real: the package draws its own people. They are to be drawn again after a new
 packaged network, since they show what it sees.
@@ -16,7 +16,7 @@ from gesture_core.report.overlay import overlay
 from gesture_core.report.style import new_figure
 from gesture_core.video import open_video
 
-HERE = Path(__file__).resolve().parent
+IMAGES = Path(__file__).resolve().parent / "images"
 MOMENT = 0.45
 """Share of a clip after which its gesture is in full swing."""
 
@@ -30,7 +30,7 @@ def main() -> None:
         one_each = {row.label: row for row in reversed(rows)}
         people(sorted(one_each.values(), key=lambda row: row.input))
         chosen = str(archive.videos / "clip_01.mp4")
-        run(["explain", str(out), chosen, "--channels", "2", "--out", str(HERE / "explanation.png")])
+        run(["explain", str(out), chosen, "--channels", "2", "--out", str(IMAGES / "explanation.png")])
 
 
 def people(rows: list) -> None:  # type: ignore[type-arg]
@@ -46,7 +46,7 @@ def people(rows: list) -> None:  # type: ignore[type-arg]
         axes.set_title(f"{row.label}  {row.distance:.3f}", fontsize=10)
         axes.set_axis_off()
         print(place, row.input, row.label)
-    figure.savefig(HERE / "demo.jpg", dpi=130, format="jpg", pil_kwargs={"quality": 88})
+    figure.savefig(IMAGES / "demo.jpg", dpi=130, format="jpg", pil_kwargs={"quality": 88})
 
 
 if __name__ == "__main__":

@@ -8,13 +8,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from conftest import ROOT
 from distributions import gesture, make_distribution
 
 from gesture_core.errors import ConfigError, MissingDependencyError, PluginError
 from gesture_core.plugin import hookimpl, registry
 from gesture_core.plugin.hooks import Register
-from gesture_core.plugin.interfaces import KINDS
 from gesture_core.plugin.registry import Origin, Registry, load_registry, register_module
 
 
@@ -39,12 +37,6 @@ def test_all_built_in_plugins_import() -> None:
     for kind, name in found.entries:
         if not found.find(kind, name).missing:
             assert found.load(kind, name)
-
-
-def test_every_kind_has_a_hook_that_the_readme_documents() -> None:
-    text = (ROOT / "README.md").read_text("utf-8")
-    for kind in KINDS.values():
-        assert f"`{kind.hook}`" in text, f"README documents no {kind.hook}"
 
 
 def test_an_unknown_name_lists_the_nearest() -> None:
