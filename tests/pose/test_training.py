@@ -152,6 +152,7 @@ def test_a_network_that_grows_answers_as_before() -> None:
     small = network.Compact((4, 4, 8, 8, 8), (1, 1, 2, 1), 2, 8)
     for module in small.modules():
         if isinstance(module, torch.nn.BatchNorm2d):
+            assert module.running_var is not None and module.running_mean is not None
             for values in (module.weight, module.running_var):
                 torch.nn.init.uniform_(values, 0.5, 2)
             torch.nn.init.normal_(module.bias)
@@ -172,7 +173,9 @@ def test_a_training_grows_at_its_step(batches: Batches, tmp_path: Path) -> None:
     table = {**TINY, "first": tiny, "network": wide, "grow_at": 2, "mean_from": 3}
     settings = settings_module.parse(table)
     straight = train(batches, settings, tmp_path, progress=False)
-    assert straight.stride16[0].body[-1].num_features == 12
+    grown = dict(straight.named_modules())["stride16.0.body"]
+    assert isinstance(grown, torch.nn.Sequential)
+    assert isinstance(grown[-1], torch.nn.BatchNorm2d) and grown[-1].num_features == 12
     state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
     assert state["step"] == 4
     early = torch.load(tmp_path / "anchor.pt", weights_only=True)["head.1.bias"]
