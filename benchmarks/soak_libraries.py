@@ -17,7 +17,7 @@ from queue import Empty, Queue
 from threading import Thread
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
-FOLDERS = [str(TESTS), str(TESTS / "run"), str(TESTS / "media")]
+FOLDERS = [str(TESTS), str(TESTS / "run"), str(TESTS / "video")]
 SECONDS = 2.0
 _MODEL_SECONDS = 60.0
 _SHARE_OF_MODELS = 4

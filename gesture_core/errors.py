@@ -165,7 +165,6 @@ class Code(StrEnum):
     MIRROR = "E_MIRROR", "a channel has no counterpart on the other side", "classify.mirror=none"
     DTW = "E_DTW", "a warping distance is not defined", "another DtwSpec"
     BAND_INFEASIBLE = "E_BAND_INFEASIBLE", "no warping path fits into the band", "a wider dtw.window"
-    BAND_HOLES = "E_BAND_HOLES", "the band's mask has holes", "--kernel numpy"
     KERNEL_UNSUPPORTED = "E_KERNEL_UNSUPPORTED", "a kernel does not compute this", "--kernel auto"
     DIMENSIONS = "E_DIMENSIONS", "series or arrays of different widths", "series of one preset"
     DTYPE = "E_DTYPE", "a series holds no real numbers", "arrays of floats"
@@ -315,6 +314,15 @@ class MissingDependencyError(PluginError):
     """A plugin whose optional dependency is not installed."""
 
     code = "E_MISSING_DEPENDENCY"
+
+
+class WorkerError(PluginError):
+    """A worker process has ended, or had to be ended, before its task was done.
+
+    The subject is the plugin that was being called, where one was.
+    """
+
+    code = "E_WORKER_CRASH"
 
 
 class RunFolderError(GestureError):

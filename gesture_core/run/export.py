@@ -11,13 +11,12 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from gesture_core.errors import PluginError
+from gesture_core.errors import PluginError, WorkerError
 from gesture_core.files import replacing
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.run.results import open_results
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.run.workers.functions import encoded
-from gesture_core.run.workers.process import WorkerError
 from gesture_core.settings import LimitSettings
 from gesture_core.types import COLUMNS, Job
 

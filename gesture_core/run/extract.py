@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from gesture_core.cores import usable_cores
-from gesture_core.errors import ModelError, PluginError, RunFolderError
+from gesture_core.errors import ModelError, PluginError, RunFolderError, WorkerError
 from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.interfaces import Closeable, ExecutionEngine
 from gesture_core.plugin.registry import Registration, calling, registry
@@ -16,7 +16,6 @@ from gesture_core.run.inputs import Input
 from gesture_core.run.store import keypoint_store, prune
 from gesture_core.run.workers.functions import encoded
 from gesture_core.run.workers.keypoints import Extracted
-from gesture_core.run.workers.process import WorkerError
 from gesture_core.settings import Settings
 from gesture_core.types import Job, Outcome, Task
 

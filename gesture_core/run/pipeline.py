@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from gesture_core.errors import Code, ConfigError, GestureError, InputError
+from gesture_core.errors import Code, ConfigError, GestureError, InputError, WorkerError
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.inputs import Input
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
@@ -23,7 +23,6 @@ from gesture_core.run.rows import contradicting_row, rows_of, unread_row
 from gesture_core.run.store import keypoint_store, prune
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.run.workers.keypoints import Extracted
-from gesture_core.run.workers.process import WorkerError
 from gesture_core.types import Job, Row
 
 _BATCH = 64

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import content_sha256, stamp
@@ -15,11 +15,13 @@ from gesture_core.plugin import registry
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import differences, fingerprint, pose_identity, run_configuration
 from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input, discover
-from gesture_core.run.keypoint_files import KeypointFiles
 from gesture_core.run.labels import label_folders, label_inputs
 from gesture_core.run.results import Results
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
+
+if TYPE_CHECKING:
+    from gesture_core.run.keypoint_files import KeypointFiles
 
 # What lies beside clips and never is one: notes, subtitles, thumbnails, and what file managers leave.
 _COMPANIONS = frozenset(
@@ -161,7 +163,11 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     configuration = run_configuration(settings, identity, [(e, hashes[e.key]) for e in examples], kernel)
     changed = _changes(results, configuration, overwrite=request.overwrite)
     done = {} if changed or request.overwrite else results.done(retry_errors=request.retry_errors)
-    files = KeypointFiles(request.out, results, inputs, request.sources) if not examples else None
+    files = None
+    if not examples:
+        from gesture_core.run.keypoint_files import KeypointFiles
+
+        files = KeypointFiles(request.out, results, inputs, request.sources)
     lacking = files.lacking() if files else set()
     waiting = [
         item

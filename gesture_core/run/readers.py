@@ -6,11 +6,10 @@ from collections.abc import Sequence, Set
 from contextlib import suppress
 from pathlib import Path
 
-from gesture_core.errors import PluginError
+from gesture_core.errors import PluginError, WorkerError
 from gesture_core.plugin.registry import Registration, registry
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.run.workers.functions import Answer, encoded
-from gesture_core.run.workers.process import WorkerError
 
 _TOGETHER = 1000
 """Paths that a reader is asked about at once."""

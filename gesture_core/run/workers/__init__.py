@@ -1,10 +1,10 @@
 """Everything that may crash, hang or exceed its memory: named functions, called in worker processes.
 
 A run is calls of the functions in `functions`: try a model, ask a reader, extract keypoints, take an
-example, fit, decide, write rows. `engines` has the two engines of the package, which call the same table:
-``processes`` hands tasks to processes (`process` watches one, `worker` is what runs in it), and
-``inline`` calls them in this process. An input whose task ends its process is tried once more, alone in a
-new process; then it gets a row that says so.
+example, fit, decide, write rows. Both engines of the package call the same table: `processes` hands tasks
+to worker processes (`worker` is what runs in one), and ``inline`` (`engines`) calls them in this process.
+An input whose task ends its process is tried once more, alone in a new process; then it gets a row that
+says so.
 
 Tasks and outcomes cross the pipe as JSON, one line each, so that nothing a worker says is ever unpickled:
 a plugin or a decoder that has been taken over can say wrong things, but run nothing here. That is why

@@ -16,7 +16,6 @@ from typing import BinaryIO
 import numpy as np
 
 from gesture_core.video.integrity.iso import edit_list_fault, picture_tracks, read_fragments
-from gesture_core.video.integrity.matroska import read_blocks
 
 MAX_NOTES = 12
 # Containers that count in milliseconds claim 1000 frames/s where they know of none.
@@ -177,6 +176,8 @@ class Integrity:
                 if fault:
                     damage(f"frames hidden by a header that contradicts itself: {fault}")
         elif self.container == "matroska":
+            from gesture_core.video.integrity.matroska import read_blocks
+
             blocks = read_blocks(self.file)
             if blocks.fault:
                 damage(f"broken chain of elements: {blocks.fault}")
@@ -235,8 +236,11 @@ class Integrity:
             if fragments.samples and tracks:
                 track, own = next(iter(tracks.items()))
                 declared = own + fragments.samples.get(track, 0)
-        if self.container == "matroska" and (fault := read_blocks(self.file).fault):
-            self.log.damage(f"broken chain of elements: {fault}")
+        if self.container == "matroska":
+            from gesture_core.video.integrity.matroska import read_blocks
+
+            if fault := read_blocks(self.file).fault:
+                self.log.damage(f"broken chain of elements: {fault}")
         self.file.seek(position)
         if declared is not None:
             absent = declared - self.frames

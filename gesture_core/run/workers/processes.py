@@ -1,4 +1,4 @@
-"""One worker process, and the watch over its life, time and memory."""
+"""The engine ``processes``: worker processes, and the watch over the life, time and memory of each."""
 
 from __future__ import annotations
 
@@ -11,28 +11,117 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
 from typing import IO, Any
 
-from gesture_core.errors import PluginError
+from gesture_core.errors import WorkerError
+from gesture_core.run.workers.worker import from_tree
 from gesture_core.settings import LimitSettings
-from gesture_core.types import Task
+from gesture_core.types import Job, Outcome, Task
 
 _TICK = 0.2
 _START_SECONDS = 120.0
+_ENDINGS = frozenset({"E_WORKER_CRASH", "E_WORKER_HANG", "E_WORKER_MEMORY"})
+"""Codes of what another process may not meet: memory can also end without ending the process."""
 
+OnFrames = Callable[[Task, int], None]
 Message = dict[str, Any]
 Inbox = queue.Queue[tuple["WorkerProcess", Message | None]]
 
 
-class WorkerError(PluginError):
-    """A worker process has ended, or had to be ended, before its task was done.
+@dataclass
+class ProcessEngine:
+    """Performs tasks in worker processes, which live on for the next `run` of the same job until `close`.
 
-    The subject is the plugin that was being called, where one was.
+    Attributes
+    ----------
+    workers : int
+        Processes at a time.
+    limits : LimitSettings
+        ``seconds`` without a sign of progress and ``memory`` of a process, beyond which it is ended.
     """
 
-    code = "E_WORKER_CRASH"
+    workers: int
+    limits: LimitSettings
+    first: list[Task] = field(default_factory=list, init=False)
+    """What every process performs before anything else, so that a new one knows what the last one knew."""
+    _job: Job | None = field(default=None, init=False)
+    _processes: list[WorkerProcess] = field(default_factory=list, init=False)
+    _inbox: Inbox = field(default_factory=queue.Queue, init=False)
+
+    def __post_init__(self) -> None:
+        if self.workers < 1:
+            raise ValueError(f"workers is {self.workers}, at least 1")
+
+    def run(
+        self, job: Job, tasks: Sequence[Task], on_frames: OnFrames, *, retry: bool = True
+    ) -> Iterator[Outcome]:
+        """Yield one outcome for every task, as they come.
+
+        A task that ends its process is tried once more, alone in a new process, unless ``retry`` is off;
+        then its outcome has a `WorkerError`.
+        """
+        again: list[Task] = []
+        for task, outcome in self._round(job, tasks, self.workers, on_frames):
+            if retry and outcome.error and outcome.error.code in _ENDINGS:
+                again.append(task)
+            else:
+                yield outcome
+        for task in again:
+            self.close()  # alone, and in a process in which nothing has been done
+            for _, outcome in self._round(job, [task], 1, on_frames):
+                yield replace(outcome, attempts=2)
+
+    def close(self) -> None:
+        """End the worker processes."""
+        for process in self._processes:
+            process.end()
+        self._processes.clear()
+        self._job = None
+
+    def _round(
+        self, job: Job, tasks: Sequence[Task], workers: int, on_frames: OnFrames
+    ) -> Iterator[tuple[Task, Outcome]]:
+        waiting = deque(tasks)
+        if self._job != job:
+            self.close()
+        self._job, processes = job, self._processes
+        done = False
+        try:
+            while waiting or any(process.task for process in processes):
+                busy = sum(process.task is not None for process in processes)
+                while len(processes) < min(workers, len(waiting) + busy):
+                    processes.append(self._start(job))
+                for process in processes:
+                    if process.task is None and waiting:
+                        process.give(waiting.popleft())
+                for process, message in messages(self._inbox):
+                    task = process.task
+                    if "value" in message and task:
+                        process.task = None
+                        error = message["error"] and from_tree(message["error"])
+                        yield task, Outcome(task.number, message["value"], error)
+                    elif "frames" in message and task:
+                        on_frames(task, message["frames"])
+                for process in list(processes):
+                    failure = process.failure()
+                    if failure:
+                        task = process.task
+                        processes.remove(process)
+                        process.end()
+                        if task:
+                            yield task, Outcome(task.number, error=failure)
+            done = True
+        finally:
+            if not done:  # nobody wants to know any more, and some are at work
+                self.close()
+
+    def _start(self, job: Job) -> WorkerProcess:
+        first = [{"function": task.function, "arguments": task.arguments} for task in self.first]
+        header = {"job": asdict(job), "first": first}
+        return WorkerProcess(header, job.threads, self.limits, self._inbox)
 
 
 class WorkerProcess:
