@@ -87,7 +87,16 @@ def barycenter(
     else:
         (center,) = _matrices([start])
     if spec.gamma is not None:
-        return _descended(arrays, spec, share, center, iterations, tolerance, kernel, options)
+        from scipy.optimize import minimize
+
+        def objective(flat: np.ndarray) -> tuple[float, np.ndarray]:
+            one = [flat.reshape(center.shape)]
+            found = soft_warping_gradient(one, arrays, spec, share[None, :], kernel, options)
+            return float(found.values[0] @ share), found.queries[0].ravel()
+
+        limits = {"maxiter": iterations, "ftol": tolerance}
+        best = minimize(objective, center.ravel(), jac=True, method="L-BFGS-B", options=limits)
+        return np.asarray(best.x).reshape(center.shape)
     factors = 1.0 if spec.weights is None else np.array(spec.weights)
     last = np.inf
     for _ in range(iterations):
@@ -102,30 +111,6 @@ def barycenter(
             break
         center, last = total / count[:, None], cost
     return center
-
-
-def _descended(
-    arrays: list[np.ndarray],
-    spec: DtwSpec,
-    share: np.ndarray,
-    center: np.ndarray,
-    iterations: int,
-    tolerance: float,
-    kernel: str,
-    options: Options | None,
-) -> np.ndarray:
-    """The barycenter of soft-DTW from ``center`` on, by its gradient."""
-    from scipy.optimize import minimize
-
-    def objective(flat: np.ndarray) -> tuple[float, np.ndarray]:
-        found = soft_warping_gradient(
-            [flat.reshape(center.shape)], arrays, spec, share[None, :], kernel, options
-        )
-        return float(found.values[0] @ share), found.queries[0].ravel().astype(np.float64)
-
-    limits = {"maxiter": iterations, "ftol": tolerance}
-    best = minimize(objective, center.ravel(), jac=True, method="L-BFGS-B", options=limits)
-    return np.asarray(best.x).reshape(center.shape)
 
 
 def _matrices(series: Sequence[np.ndarray]) -> list[np.ndarray]:

@@ -31,6 +31,8 @@ _PAIRS_AT_ONCE = 1 << 22
 """Pairs whose bounds are held at once; more queries follow in parts."""
 _REST = 0.5
 """Where the bounds allow more than this share of what is left, all of it is warped at once."""
+_PAIRS_PER_SHAPE = 100
+"""Pairs that share their two lengths, on average, from which on bounds are faster than warping all."""
 _MARGIN = {np.dtype(np.float32): 1e-4, np.dtype(np.float64): 1e-10}
 """Relative share by which a bound of short series is lowered."""
 
@@ -68,7 +70,8 @@ def nearest(
     Notes
     -----
     The lower bounds are LB_Kim (Kim, Park and Chu 2001) and LB_Keogh (Keogh and Ratanamahatana
-    2005). Soft-DTW has no such bounds; its search computes all distances.
+    2005). Where hardly two series have the same length they take longer than they save, and soft-DTW
+    has none: all distances are computed then, and the neighbours are the same.
 
     Examples
     --------
@@ -181,7 +184,8 @@ class ExampleIndex:
     ) -> np.ndarray:
         """(Q, N) distances of those pairs that may be among the k nearest, infinity for the others."""
         spec, kernel = self.spec, self._kernel
-        if spec.gamma is not None:
+        shapes = len(np.unique(queries.lengths)) * len(np.unique(examples.batch.lengths))
+        if spec.gamma is not None or len(queries) * len(examples.batch) < shapes * _PAIRS_PER_SHAPE:
             found = np.asarray(kernel.distances(examples.state, queries))
             check_distances(found, queries, examples.batch, self.kernel)
             return found if among is None else np.where(among, found, np.inf).astype(found.dtype)

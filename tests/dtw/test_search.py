@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +12,11 @@ from hypothesis import strategies as st
 from gesture_core.dtw import DtwSpec, ExampleIndex, nearest, search, warping_distances
 from gesture_core.errors import ConfigError, InputError, PluginError, WarpingError
 from gesture_core.types import Neighbors, SignalBatch, Signals
+
+
+@pytest.fixture(autouse=True)
+def _bounds_however_few_series_share_a_length(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "_PAIRS_PER_SHAPE", 0)
 
 
 def walks(rng: np.random.Generator, count: int, width: int, longest: int = 40) -> list[np.ndarray]:
@@ -125,6 +132,20 @@ def test_bounds_save_warpings_under_a_band(kernel: str) -> None:
     index = CountingIndex(examples, DtwSpec(window=0.1), kernel)
     assert_brute_force(index.nearest(queries), queries, examples, index.spec, 1)
     assert index.warped < 0.3 * 20 * 400
+
+
+@pytest.mark.parametrize(("frames", "share"), [((60,), 0.3), (range(50, 70), 0.0)], ids=["equal", "mixed"])
+def test_bounds_are_taken_where_series_share_their_lengths(
+    monkeypatch: pytest.MonkeyPatch, frames: Sequence[int], share: float
+) -> None:
+    monkeypatch.undo()
+    rng = np.random.default_rng(6)
+    queries, examples = (
+        [np.cumsum(rng.normal(size=rng.choice(frames))) for _ in range(count)] for count in (20, 200)
+    )
+    index = CountingIndex(examples, DtwSpec(window=0.1, cost="squared"))
+    assert_brute_force(index.nearest(queries), queries, examples, index.spec, 1)
+    assert 0 <= index.warped <= share * 20 * 200 and (index.warped > 0) == (share > 0)
 
 
 class Broken:
