@@ -108,7 +108,7 @@ class ClassifySettings(_Section):
         Name of a distance kernel, or ``auto``.
     neighbors : int
         How many of the nearest examples vote; with 0, all examples decide, and the weight of each for
-        each class is learned from the distances among them (`gesture_core.classify.weighing`).
+        each class is learned from the distances among them (`gesture_core.classify.learning`).
     sharpness : float
         With ``neighbors = 0``: a similarity is exp(-sharpness * d), where d is 1 for an example of
         another class at its usual distance.

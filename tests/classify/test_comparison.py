@@ -41,7 +41,9 @@ def under(**values: object) -> Settings:
 
 
 def used(x: Signals, y: Signals) -> np.ndarray:
-    return (np.asarray(x.mask) | np.asarray(y.mask)) & np.asarray(x.present) & np.asarray(y.present)
+    masks: np.ndarray = np.asarray(x.mask) | np.asarray(y.mask)
+    masks &= np.asarray(x.present) & np.asarray(y.present)
+    return masks
 
 
 def size(x: Signals, channels: np.ndarray, rest: float) -> float:
@@ -123,7 +125,7 @@ def test_explanations_add_up_to_what_was_compared(
     if np.isfinite(distance):
         assert found.costs.sum() == pytest.approx(distance, rel=1e-4)
     for channel in np.flatnonzero(found.used):
-        assert found.path_of(channel)[-1].tolist() == [len(x) - 1, len(y) - 1]
+        assert found.path_of(int(channel))[-1].tolist() == [len(x) - 1, len(y) - 1]
 
 
 @pytest.mark.parametrize(

@@ -375,7 +375,7 @@ def test_keypoints_without_a_source_are_named_by_their_number() -> None:
 def test_one_sequence_is_not_a_list_of_them() -> None:
     poses, labels = data()
     with pytest.raises(InputError, match="one PoseSequence instead of a sequence"):
-        GestureClassifier("paper").fit(poses, labels).predict(poses[0])  # type: ignore[arg-type]
+        GestureClassifier("paper").fit(poses, labels).predict(poses[0])
 
 
 def test_another_number_of_neighbours_waits_for_the_next_fit() -> None:

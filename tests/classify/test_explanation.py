@@ -18,9 +18,15 @@ from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import InputError
 from gesture_core.report.explanation import explanation_plot
 from gesture_core.settings import load_settings
-from gesture_core.types import Signals
+from gesture_core.types import PoseSequence, Signals
 
 CHANNELS = ("right_wrist_x", "left_wrist_x", "nose_x")
+
+
+def signals_of(model: GestureClassifier, query: PoseSequence) -> Signals:
+    (found,) = model.signals([query])
+    assert isinstance(found, Signals)
+    return found
 
 
 @given(
@@ -60,7 +66,7 @@ def test_costs_of_the_channels_add_up(
 def test_a_decision_is_explained_by_the_distances_that_made_it(preset: str, tmp_path: Path) -> None:
     examples = [pose(swing("left_wrist", 1)), pose(swing("left_wrist", 0)), pose(swing("right_knee", 1))]
     model = GestureClassifier(preset).fit(examples, ["up", "side", "knee"], ["one", "two", "three"])
-    (query,) = model.signals([pose(swing("right_wrist" if preset == "modern" else "left_wrist", 1, 1.1))])
+    query = signals_of(model, pose(swing("right_wrist" if preset == "modern" else "left_wrist", 1, 1.1)))
     row = model.distances([query])[0]
     found = explain(query, model.library_, row, model.settings_)
     assert (found.nearest.label, found.nearest.example) == ("up", "one")
@@ -80,7 +86,7 @@ def test_what_several_neighbours_voted_for_is_explained_and_not_the_nearest_exam
     sizes = {"one": 93, "two": 100, "three": 101}
     poses = [pose(swing(size=size)) for size in sizes.values()]
     model = GestureClassifier(settings).fit(poses, ["near", "many", "many"], list(sizes))
-    (query,) = model.signals([pose(swing(size=94))])
+    query = signals_of(model, pose(swing(size=94)))
     (answer,) = model.predictions([query])
     found = explain(query, model.library_, model.distances([query])[0], settings)
     assert found.runner_up is not None
@@ -91,7 +97,7 @@ def test_what_several_neighbours_voted_for_is_explained_and_not_the_nearest_exam
 
 def test_one_class_has_no_runner_up_and_still_a_plot(tmp_path: Path) -> None:
     model = GestureClassifier("paper").fit([pose(swing())], ["up"])
-    (query,) = model.signals([pose(swing(size=80))])
+    query = signals_of(model, pose(swing(size=80)))
     found = explain(query, model.library_, model.distances([query])[0], model.settings_)
     assert found.runner_up is None
     _check_picture(explanation_plot(found, "one class", tmp_path / "one.png"))
@@ -99,7 +105,7 @@ def test_one_class_has_no_runner_up_and_still_a_plot(tmp_path: Path) -> None:
 
 def test_nothing_in_common_cannot_be_explained() -> None:
     model = GestureClassifier("paper").fit([pose(swing())], ["up"])
-    (query,) = model.signals([pose(swing())])
+    query = signals_of(model, pose(swing()))
     with pytest.raises(InputError, match="E_NO_COMMON"):
         explain(query, model.library_, np.array([np.nan]), load_settings("paper", environment={}))
 
@@ -108,7 +114,7 @@ def _check_picture(path: Path) -> None:
     """A picture with something on it."""
     import cv2
 
-    picture = cv2.imread(str(path))
+    picture = np.asarray(cv2.imread(str(path)))
     assert picture.shape[0] > 300
     assert picture.shape[1] > 800
     assert 0.02 < (picture < 200).any(axis=2).mean() < 0.6

@@ -23,6 +23,7 @@ from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
 from gesture_core.run.pipeline import RunSummary
 from gesture_core.settings import load_settings
+from gesture_core.types import Signals
 
 ALL = load_settings("modern", ["neighbors=0"], environment={})
 SEEDS = st.integers(0, 2**32 - 1)
@@ -43,7 +44,8 @@ def learned(within: np.ndarray, codes: np.ndarray) -> ExampleWeights:
 
 def scores_of(weights: ExampleWeights, distances: np.ndarray) -> np.ndarray:
     scores, factors = weights.scores(distances)
-    return scores * factors[:, None]
+    summed: np.ndarray = scores * factors[:, None]
+    return summed
 
 
 @given(SEEDS, st.integers(3, 12), st.sampled_from([0.5, 3.0]), st.sampled_from([0.01, 0.1, 1.0]))
@@ -279,6 +281,7 @@ def test_an_explanation_is_what_the_examples_add() -> None:
     poses, labels, _ = gestures(0, 3)
     model = GestureClassifier(ALL).fit(poses, labels)
     (query,) = model.signals(gestures(1, 1)[0][:1])
+    assert isinstance(query, Signals)
     row = model.distances([query])[0]
     found = explain(query, model.library_, row, ALL, model.weights_)
     (answer,) = model.predictions([query])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +19,8 @@ from gesture_core.signals.mirror import mirrored
 from gesture_core.types import PoseSequence, Signals
 
 
-def chain(preset: str = "paper", **values: object) -> Chain:
-    pairs = [(key.replace("__", "."), value) for key, value in values.items()]
+def chain(preset: str = "paper", dotted: Mapping[str, object] | None = None, **values: object) -> Chain:
+    pairs = [*(dotted or {}).items(), *((key.replace("__", "."), value) for key, value in values.items())]
     return Chain.from_settings(load_settings(preset, environment={}).with_values(pairs))
 
 
@@ -83,7 +84,7 @@ def test_a_missing_joint_has_no_channel_and_no_influence(preset: str) -> None:
     without = chain(preset)(pose(points))
     lost = [i for i, name in enumerate(without.channels) if "left_wrist" in name]
     assert lost
-    assert not without.present[lost].any()
+    assert without.present is not None and not without.present[lost].any()
     assert not without.values[:, lost].any()
 
 
@@ -108,11 +109,10 @@ def test_frames_with_collapsed_shoulders_are_gaps() -> None:
 def test_without_hips_the_shoulders_serve_only_where_that_was_asked_for(normalizer: str) -> None:
     points = waving()
     points[:, [J["left_hip"], J["right_hip"]]] = np.nan
+    chosen: dict[str, object] = {"signals.normalizer": normalizer, "variance.t_var": 0.01}
     with pytest.raises(PoseError, match="E_POSE_SCALE"):
-        chain(signals__normalizer=normalizer, **{f"{normalizer}__shoulders": 0.0})(pose(points))
-    signals = chain(
-        signals__normalizer=normalizer, variance__t_var=0.01, **{f"{normalizer}__shoulders": 1.5}
-    )(pose(points))
+        chain("paper", {**chosen, f"{normalizer}.shoulders": 0.0})(pose(points))
+    signals = chain("paper", {**chosen, f"{normalizer}.shoulders": 1.5})(pose(points))
     assert "right_wrist_y" in signals.selected
 
 
@@ -188,7 +188,10 @@ def test_a_plugin_that_breaks_its_contract_is_named() -> None:
     for broken, word in (
         (replace(whole, normalizer=Raises()), "Raises raised ZeroDivisionError"),
         (replace(whole, selector=Short()), "Short returned a mask of shape (3,)"),
-        (replace(whole, filters=(Nothing(),)), "Nothing returned NoneType"),
+        (
+            replace(whole, filters=(Nothing(),)),  # type: ignore[arg-type]
+            "Nothing returned NoneType",
+        ),
     ):
         with pytest.raises(PluginError) as caught:
             broken(pose(waving()))
@@ -220,4 +223,5 @@ def test_every_filter_keeps_signals_valid(name: str) -> None:
     assert isinstance(found, Signals)
     assert np.isfinite(found.values).all()
     assert len(found.times) == len(found.values)
+    assert found.mask is not None and found.present is not None
     assert found.mask.shape == found.present.shape == (len(found.channels),)
