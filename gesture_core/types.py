@@ -115,7 +115,7 @@ class PoseSequence:
     @property
     def seen(self) -> np.ndarray:
         """(T, J) bool: the joint was found in the frame."""
-        return ~np.isnan(self.keypoints[..., 0])
+        return np.asarray(~np.isnan(self.keypoints[..., 0]))
 
     @property
     def frames_with_pose(self) -> int:

@@ -65,7 +65,7 @@ def backdrop_of(body: Body, size: tuple[int, int], rng: np.random.Generator) -> 
         shade = tuple(int(v) for v in rng.integers(60, 230, 3))
         cv2.rectangle(picture, (x, y), (x + w, y + h), shade, -1)
         cv2.rectangle(picture, (x, y), (x + w, y + h), (50, 60, 70), 2)
-    return cv2.GaussianBlur(picture, (0, 0), 1.2)
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), 1.2))
 
 
 def _limb(

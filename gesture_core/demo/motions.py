@@ -44,7 +44,7 @@ def _arm(upper: np.ndarray | float, fore: np.ndarray | float, envelope: np.ndarr
     """An arm that leaves its rest, reaches the angles given, and returns."""
     rest = np.broadcast_to(REST, (len(envelope), 2))
     goal = np.stack(np.broadcast_arrays(upper, fore, envelope)[:2], axis=1)
-    return rest + (goal - rest) * envelope[:, None]
+    return np.asarray(rest + (goal - rest) * envelope[:, None])
 
 
 def _envelope(frames: int, rise: float = 0.2) -> np.ndarray:

@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, cast
@@ -28,6 +29,7 @@ from gesture_core.video import DamageLog, Integrity, VideoDecoder
 if TYPE_CHECKING:
     from av.packet import Packet
     from av.sidedata.sidedata import SideDataContainer
+    from av.video.codeccontext import VideoCodecContext
     from av.video.frame import VideoFrame
     from av.video.stream import VideoStream
 
@@ -90,7 +92,7 @@ class PyAvDecoder(VideoDecoder):
         self._decoded = chain((first,), decoded)
         frame = first[1]
         rotation, mirrored = _orientation(frame)
-        ratio = stream.codec_context.sample_aspect_ratio
+        ratio = self._context.sample_aspect_ratio
         return self.describe(
             width=frame.width,
             height=frame.height,
@@ -131,8 +133,8 @@ class PyAvDecoder(VideoDecoder):
             raise self.error("no decoder for its codec", "E_MEDIA_CODEC", "re-encode it")
         others = {s.codec_context.name for s in streams if s is not stream and s.codec_context is not None}
         self._decoder_log.ignore(others - {context.name})
-        self.check_size(context.width, context.height)
-        self._stream = stream
+        self._stream, self._context = stream, cast("VideoCodecContext", context)
+        self.check_size(self._context.width, self._context.height)
         # One converter for all frames: a new one for each computes its filters anew.
         self._converter = VideoReformatter()
         # Not when the container is opened: there PyAV before 18 crashes on containers without a header.
@@ -169,7 +171,7 @@ class PyAvDecoder(VideoDecoder):
 
     def _decode(self) -> Iterator[tuple[float | None, VideoFrame]]:
         """Decoded frames with their stamps in seconds; what passes is counted."""
-        context, counts = self._stream.codec_context, self._integrity
+        context, counts = self._context, self._integrity
         # AVI stamps packets, not pictures: the n-th picture shown has the n-th packet's stamp,
         # whatever the order in which a decoder needs them.
         stamps_packets = self.container == "avi"
@@ -193,7 +195,8 @@ class PyAvDecoder(VideoDecoder):
                     frame.pts = packet_stamps.popleft() if packet_stamps else None
                 stamp = None
                 if frame.pts is not None:
-                    stamp = float((frame.pts - self._origin) * (frame.time_base or self._stream.time_base))
+                    base = cast("Fraction", frame.time_base or self._stream.time_base)
+                    stamp = float((frame.pts - self._origin) * base)
                     counts.stamps.append(stamp)
                 yield stamp, frame
 
@@ -227,7 +230,7 @@ class PyAvDecoder(VideoDecoder):
                 counts.hidden += packet.is_discard
                 # RFC 6386, section 9.1, show_frame: a packet that only refreshes a reference picture.
                 counts.unshown += vp8 and not bytes(memoryview(packet)[:1])[0] & 0x10
-                yield packet
+                yield cast("Packet[VideoStream]", packet)
             failures = 0 if counts.packets > before else failures + 1
 
 
