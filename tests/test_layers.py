@@ -183,4 +183,4 @@ def test_public_names_exist() -> None:
     for name in gesture_core.__all__:
         assert getattr(gesture_core, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
-        _ = gesture_core.nonsense
+        _ = gesture_core.nonsense  # type: ignore[attr-defined]

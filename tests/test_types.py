@@ -61,7 +61,7 @@ def test_malformed_keypoints_are_refused(points, scores, times, code) -> None:  
 
 def test_an_unknown_skeleton_lists_the_known_ones() -> None:
     with pytest.raises(KeypointError, match="coco18"):
-        PoseSequence(np.ones((1, 18, 2)), np.ones((1, 18)), [0], "coco99")
+        PoseSequence(np.ones((1, 18, 2)), np.ones((1, 18)), np.zeros(1), "coco99")
 
 
 @pytest.mark.parametrize("skeleton", SKELETONS.values(), ids=lambda s: s.name)

@@ -24,8 +24,9 @@ from gesture_core.classify.evaluation import (
     folds,
     wilson,
 )
-from gesture_core.errors import ConfigError, InputError, PoseError
+from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
 from gesture_core.settings import Settings, load_settings
+from gesture_core.types import PoseSequence, Signals
 
 PAPER = load_settings("paper", environment={})
 
@@ -36,7 +37,8 @@ def evaluate(data: Labelled, protocol: str, settings: Settings) -> Evaluation:
 
 def archive(broken: bool = False) -> Labelled:
     """Two gestures, three subjects, two trials each."""
-    poses, labels, subjects, names = [], [], [], []
+    poses: list[PoseSequence | Signals | GestureError] = []
+    labels, subjects, names = [], [], []
     random = np.random.default_rng(0)
     for subject in "ABC":
         for label, axis in (("up", 1), ("side", 0)):
@@ -49,7 +51,7 @@ def archive(broken: bool = False) -> Labelled:
                 subjects.append(subject)
                 names.append(f"{label}_{subject}_{trial}")
     if broken:
-        poses[0] = PoseError("nobody", code="E_POSE_SPARSE")  # type: ignore[call-overload]
+        poses[0] = PoseError("nobody", code="E_POSE_SPARSE")
     return Labelled(poses, labels, subjects, names)
 
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ EXAMPLES = 18
 @st.composite
 def cases(draw: st.DrawFn) -> Case:
     longest, width, count = draw(st.sampled_from(SIZES))
-    band = draw(
+    band: dict[str, Any] = draw(
         st.sampled_from(
             [{}, {}, {"window": 0.2}, {"window": 0.5}, {"window": 12}, {"shape": "itakura", "max_slope": 2.5}]
         )
@@ -82,9 +83,9 @@ def test_auto_takes_the_fastest_that_supports_the_specification() -> None:
     assert name != "fastdtw"
     holes = np.ones((5, 5), bool)
     holes[2, 1:4] = False
-    assert choose_kernel("auto", DtwSpec(mask=holes))[0] == "numpy"
+    assert choose_kernel("auto", DtwSpec(mask=holes))[0] == "numpy"  # type: ignore[arg-type]  # an array becomes a mask
     with pytest.raises(PluginError, match="does not compute"):
-        choose_kernel("jax", DtwSpec(mask=holes))
+        choose_kernel("jax", DtwSpec(mask=holes))  # type: ignore[arg-type]  # an array becomes a mask
     with pytest.raises(PluginError, match="did you mean 'numpy'"):
         choose_kernel("nunpy", DtwSpec())
 

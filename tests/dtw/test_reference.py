@@ -112,7 +112,7 @@ def test_feasibility_is_whether_a_path_exists() -> None:
     for _ in range(200):
         n, m = rng.integers(1, 7, 2)
         mask = rng.random((n, m)) < 0.7
-        spec = DtwSpec(mask=mask)
+        spec = DtwSpec(mask=mask)  # type: ignore[arg-type]  # an array becomes a mask
         table = accumulate(np.ones((n, m)), mask, 0.0)
         assert is_feasible(int(n), np.array([m]), spec)[0] == np.isfinite(table[-1, -1])
 

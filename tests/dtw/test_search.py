@@ -82,7 +82,7 @@ def test_search_in_parts_under_masks_and_by_a_kernel_that_only_knows_tables(
     queries, examples = walks(rng, 7, 1, 24), walks(rng, 40, 1, 24)
     inner = np.abs(np.subtract.outer(np.arange(9), np.arange(9)))
     holes = (inner < 5) & ~((inner == 0) & (np.arange(9) == 4))
-    for spec in (DtwSpec(mask=inner < 3), DtwSpec(mask=holes, root=True), DtwSpec(gamma=0.5)):
+    for spec in (DtwSpec(mask=inner < 3), DtwSpec(mask=holes, root=True), DtwSpec(gamma=0.5)):  # type: ignore[arg-type]  # an array becomes a mask
         for kernel in ("auto", "numpy"):
             assert_brute_force(nearest(queries, examples, 2, spec, kernel), queries, examples, spec, 2)
 
@@ -200,7 +200,7 @@ def test_search_among_squares_that_are_too_small_to_be_told_apart(mode: str) -> 
 @pytest.mark.parametrize(("dtype", "unit"), [(np.float32, 1e-25), (np.float64, 1e-170)])
 def test_a_unit_whose_squares_vanish_is_refused(dtype: type, unit: float) -> None:
     rng = np.random.default_rng(4)
-    series = [(unit * rng.normal(size=9)).astype(dtype) for _ in range(3)]
+    series: list[np.ndarray] = [(unit * rng.normal(size=9)).astype(dtype) for _ in range(3)]
     for spec in (DtwSpec(cost="squared"), DtwSpec(mode="dependent", cost="euclidean")):
         with pytest.raises(InputError, match=r"E_MAGNITUDE .* a larger unit"):
             warping_distances(series, series, spec)

@@ -40,7 +40,7 @@ def test_jax_grad(cost: str, gamma: float) -> None:
     x, y = rng.normal(size=(2, 6, 2)), rng.normal(size=(2, 4, 2))
     spec = DtwSpec(mode="dependent", cost=cost, reduce="sum", gamma=gamma)  # type: ignore[arg-type]
     with jax.enable_x64(True):
-        values = np.asarray(soft_dtw(x, y, gamma, cost))
+        values = np.asarray(soft_dtw(jax.numpy.asarray(x), jax.numpy.asarray(y), gamma, cost))
         of_x, of_y = (
             np.asarray(part)
             for part in jax.grad(lambda a, b: soft_dtw(a, b, gamma, cost).sum(), argnums=(0, 1))(x, y)
@@ -101,7 +101,8 @@ def test_hardly_soft_warping_gradient_are_those_of_the_hard_path(
     name: str, dtype: type, gamma: float
 ) -> None:
     rng = np.random.default_rng(3)
-    x, y = (np.cumsum(rng.normal(size=(n, 2)), axis=0).astype(dtype) for n in (40, 47))
+    x: np.ndarray = np.cumsum(rng.normal(size=(40, 2)), axis=0).astype(dtype)
+    y: np.ndarray = np.cumsum(rng.normal(size=(47, 2)), axis=0).astype(dtype)
     path = warping_path(x, y, DBA)
     of_x, of_y = np.zeros((40, 2)), np.zeros((47, 2))
     slope = 2 * (x[path[:, 0]].astype(np.float64) - y[path[:, 1]])

@@ -42,7 +42,8 @@ def test_a_radius_of_one_frame_is_not_the_whole_table(order: tuple[float, float]
 
 @pytest.mark.parametrize("window", [np.int64(1), np.int8(2), np.uint16(3), np.float32(0.5), np.float64(0.25)])
 def test_numbers_of_numpy_are_numbers(window: Any) -> None:
-    spec = DtwSpec(window=window, gamma=np.float32(0.5), max_slope=np.int64(3), root=np.bool_(False))
+    numbers: dict[str, Any] = {"gamma": np.float32(0.5), "max_slope": np.int64(3), "root": np.bool_(False)}
+    spec = DtwSpec(window=window, **numbers)
     assert spec == DtwSpec(window=window.item(), gamma=0.5, max_slope=3.0)
     assert [type(v) for v in (spec.window, spec.gamma, spec.root)] == [type(window.item()), float, bool]
 
@@ -85,7 +86,7 @@ def test_what_cannot_be_meant_is_refused(wrong: dict[str, Any]) -> None:
 @pytest.mark.parametrize("gamma", [1e-300, 1e30])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_the_outermost_softnesses_give_numbers(gamma: float, dtype: type) -> None:
-    series = [np.array([0.0, 1, 3], dtype), np.array([0.0, 2, 2, 1], dtype)]
+    series: list[np.ndarray] = [np.array([0.0, 1, 3], dtype), np.array([0.0, 2, 2, 1], dtype)]
     spec = DtwSpec(gamma=gamma)
     assert np.isfinite(warping_distances(series, series, spec)).all()
 
@@ -93,11 +94,13 @@ def test_the_outermost_softnesses_give_numbers(gamma: float, dtype: type) -> Non
 def test_a_specification_is_one() -> None:
     one, series, spec = np.zeros(3), [np.zeros(3)], {"cost": "squared"}
     calls: tuple[Callable[..., object], ...]
+    call: Callable[..., object]
     calls = (warping_distances, nearest, soft_warping, soft_warping_gradient, soft_divergence)
     for call in calls:
         with pytest.raises(ConfigError, match="E_OPTION"):
             call(series, series, spec=spec)
-    for call in (warping_distance, warping_path):
+    calls = (warping_distance, warping_path)
+    for call in calls:
         with pytest.raises(ConfigError, match="E_OPTION"):
             call(one, one, spec=spec)
     with pytest.raises(ConfigError, match="E_OPTION"):

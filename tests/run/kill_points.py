@@ -15,9 +15,10 @@ import shutil
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 MOST_AT_RANDOM = 3
 """Kills of one run before it is left alone."""
@@ -31,8 +32,8 @@ def arm(count: int) -> None:
 
     left = count
 
-    def counted(function):  # type: ignore[no-untyped-def]
-        def call(*arguments, **options):  # type: ignore[no-untyped-def]
+    def counted(function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **options: Any) -> Any:
             nonlocal left
             left -= 1
             if left == 0:
@@ -47,7 +48,7 @@ def arm(count: int) -> None:
     transaction = results.Results._transaction
 
     @contextmanager
-    def killed(self):  # type: ignore[no-untyped-def]
+    def killed(self: results.Results) -> Iterator[None]:
         counted(lambda: None)()
         with transaction(self):
             yield

@@ -53,7 +53,7 @@ def main(source: str, examples: str, out: str) -> None:
     from gesture_dtw_jax.hard import hard_tile
 
     rows = sum(summary.counts.values())
-    programs = hard_tile._cache_size()
+    programs = hard_tile._cache_size()  # type: ignore[attr-defined]  # nothing public counts them
     ok = summary.counts.get("ok", 0)
     print(f"{programs} programs, {buckets(watch.lengths)} buckets, {rows} rows, {ok} ok")
 

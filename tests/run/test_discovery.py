@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -134,7 +135,8 @@ def test_an_expression_is_searched_in_the_name_and_in_the_path_only_if_it_says_s
 
 def test_an_expression_is_searched_in_the_name_of_a_sequence(tmp_path: Path) -> None:
     points = np.ones((9, 18, 2))
-    np.savez(tmp_path / "set_1.npz", **{"wave_1": points, "Clip": points})
+    arrays: dict[str, Any] = {"wave_1": points, "Clip": points}
+    np.savez(tmp_path / "set_1.npz", **arrays)
     items = discover([tmp_path])
     assert [i.label for i in label_inputs(items[:1], "([a-z]+)_", [tmp_path])] == ["wave"]
     with pytest.raises(ConfigError, match="Clip"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -125,7 +126,9 @@ def test_one_clip_under_two_labels_decides_nothing(folder: Path) -> None:
 
 def test_sequences_of_one_file_are_told_apart_by_their_names(folder: Path) -> None:
     rng = np.random.default_rng(0)
-    walks = {f"{name}_1": np.cumsum(rng.normal(0, 5, (30, 18, 2)), 0) + 300 for name in ("up", "down")}
+    walks: dict[str, Any] = {
+        f"{name}_1": np.cumsum(rng.normal(0, 5, (30, 18, 2)), 0) + 300 for name in ("up", "down")
+    }
     np.savez(folder / "examples.npz", **walks)
     shutil.copy(folder / "examples.npz", folder / "copy.npz")
     summary = classify_archive(

@@ -261,7 +261,8 @@ def test_a_disk_without_space_is_fatal_and_leaves_what_was_committed(
     write_archive(tmp_path, 12, ())
     (tiny_disk / "ballast").write_bytes(bytes({"run": 940_000, "cache": 970_000}[full]))
     places = {"run": tmp_path / "run", "cache": tmp_path / "cache"} | {full: tiny_disk / full}
-    arguments = ["classify", tmp_path / "videos", "--examples", tmp_path / "examples", "--out", places["run"]]
+    arguments: list[str | Path] = ["classify", tmp_path / "videos", "--examples", tmp_path / "examples"]
+    arguments += ["--out", places["run"]]
     arguments += ["--preset", "paper", "--kernel", "numpy", "--workers", "1"]
     done = gesture(*arguments, GESTURE_CACHE=str(places["cache"]))
     assert done.returncode == 1, done.stderr
@@ -272,4 +273,6 @@ def test_a_disk_without_space_is_fatal_and_leaves_what_was_committed(
     assert again.returncode in (0, 3), again.stderr
     with open_results(places["run"]) as journal:
         rows = list(journal.rows())
-    assert len(rows) == 12 and all(np.isfinite(row.distance) for row in rows if row.label)
+    assert len(rows) == 12 and all(
+        row.distance is not None and np.isfinite(row.distance) for row in rows if row.label
+    )

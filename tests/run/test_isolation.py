@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 from conftest import ROOT
@@ -40,7 +41,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_distribution(tmp_path_factory.mktemp("site"), "trap", source, "6.6")
 
 
-def rows(text: str) -> dict[str, dict]:
+def rows(text: str) -> dict[str, dict[str, Any]]:
     found = [json.loads(line) for line in text.splitlines()]
     assert len({row["input"] for row in found}) == len(found), "an input has two rows"
     return {Path(row["input"]).name: row for row in found}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def write(folder: Path, kind: str, people: list[PoseSequence]) -> Path:
     return path
 
 
-def extract(path: Path, **changes: object) -> tuple[Extracted, list[PoseSequence]]:
+def extract(path: Path, **changes: Any) -> tuple[Extracted, list[PoseSequence]]:
     settings = load_settings("paper", environment={}, **changes)
     (item,) = discover([path])
     store = path.parent / "store"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import unicodedata
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -93,7 +94,8 @@ def test_two_labels_for_one_clip_are_refused(clips: list[Input], tmp_path: Path)
 
 
 def test_one_word_spelled_in_two_ways_is_one_label(tmp_path: Path) -> None:
-    for number, form in enumerate(("NFC", "NFD")):
+    forms: tuple[Literal["NFC", "NFD"], ...] = ("NFC", "NFD")
+    for number, form in enumerate(forms):
         folder = tmp_path / str(number) / unicodedata.normalize(form, "grüßen")
         folder.mkdir(parents=True)
         (folder / "1.avi").touch()
@@ -119,7 +121,7 @@ def test_a_label_beside_another_writing_is_whole(
 
 @pytest.mark.parametrize("form", ["NFC", "NFD"])
 @pytest.mark.parametrize("expression", ["(?P<label>[a-z]+)_", "^(?P<label>[a-z]+)", "([a-z]+)_1"])
-def test_half_a_word_is_no_label(tmp_path: Path, form: str, expression: str) -> None:
+def test_half_a_word_is_no_label(tmp_path: Path, form: Literal["NFC", "NFD"], expression: str) -> None:
     (tmp_path / unicodedata.normalize(form, "grüßen_1.avi")).touch()
     items = discover([tmp_path])
     with pytest.raises(ConfigError, match=r"E_LABELS .* finds '(gr|gru|en)' inside a word of .*avi; try: "):

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -238,6 +239,8 @@ def test_links_that_lead_nowhere_are_rows(queries: Path, examples: Path, tmp_pat
 def test_none_is_a_value_whatever_names_the_settings(queries: Path, examples: Path, tmp_path: Path) -> None:
     strict = tmp_path / "strict.toml"
     strict.write_text('base = "paper"\n[classify]\nreject = 1e-12\n')
-    for name, change, found in (("a", {}, {None}), ("b", {"classify__reject": None}, {"wave", "circle"})):
+    changes: tuple[tuple[str, dict[str, Any], set[str | None]], ...]
+    changes = (("a", {}, {None}), ("b", {"classify__reject": None}, {"wave", "circle"}))
+    for name, change, found in changes:
         summary = classify_archive(queries, examples, tmp_path / name, str(strict), workers=1, **change)
         assert {row.label for row in summary.rows()} <= found, name

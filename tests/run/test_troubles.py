@@ -48,8 +48,8 @@ def test_every_stage_may_fail_in_every_way(site: Path, tmp_path: Path) -> None:
     for number in range(4):
         write_video(folder / "videos" / f"film_{number}.avi", 64, 30, number % 2 == 0, number)
     options = (*CHAIN, "--pose", "trouble-pose", "--workers", "2")
-    code, clean = classify(folder, tmp_path / "clean", site, *options)
-    assert code == 0 and {row["status"] for row in clean.values()} == {"ok"}
+    done, clean = classify(folder, tmp_path / "clean", site, *options)
+    assert done == 0 and {row["status"] for row in clean.values()} == {"ok"}
 
     write_archive(folder, 0, CHAIN_POISONS)
     expected = {f"{kind}_{trouble}.npz": code for (kind, trouble), code in CHAIN_POISONS.items()}

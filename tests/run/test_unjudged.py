@@ -50,7 +50,7 @@ def run(site: Path, folder: Path, *options: str, **environment: str) -> tuple[in
     """Exit code, the rows by the names of their inputs, and the examples that were left out."""
     done = gesture(
         "classify", folder / "videos", "--examples", folder / "examples", "--out", folder / "run",
-        "--preset", "paper", "--kernel", "numpy", *options, path=site, **environment,
+        "--preset", "paper", "--kernel", "numpy", *options, path=site, cwd=None, **environment,
     )  # fmt: skip
     assert "Traceback" not in done.stderr, done.stderr
     with open_results(folder / "run") as journal:

@@ -7,10 +7,13 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
 from gesture_core import PoseSequence, hookimpl
+from gesture_core.plugin.hooks import Register
 
 
 def _good() -> list[PoseSequence]:
@@ -34,14 +37,14 @@ def _hungry() -> list[PoseSequence]:
 
 
 def _nan_times() -> list[PoseSequence]:
-    return [PoseSequence(np.ones((2, 18, 2)), np.ones((2, 18)), [0, float("nan")])]
+    return [PoseSequence(np.ones((2, 18, 2)), np.ones((2, 18)), np.array([0, float("nan")]))]
 
 
 def _recursion() -> list[PoseSequence]:
     return _recursion()
 
 
-TRAPS = {
+TRAPS: dict[str, Callable[[], object]] = {
     "raise": lambda: 1 / 0,
     "exit": lambda: sys.exit(0),
     "os-exit": lambda: os._exit(0),
@@ -52,7 +55,7 @@ TRAPS = {
     "huge": lambda: np.ones(1 << 44),
     "wrong-type": lambda: 5,
     "wrong-item": lambda: ["pose"],
-    "wrong-shape": lambda: [PoseSequence(np.ones((2, 5, 2)), np.ones((2, 5)), [0, 1])],
+    "wrong-shape": lambda: [PoseSequence(np.ones((2, 5, 2)), np.ones((2, 5)), np.arange(2.0))],
     "nan-times": _nan_times,
     "interrupt": lambda: (_ for _ in ()).throw(KeyboardInterrupt()),
     "recursion": _recursion,
@@ -62,16 +65,16 @@ TRAPS = {
 
 
 class TrapReader:
-    def accepts(self, path):  # type: ignore[no-untyped-def]
+    def accepts(self, path: Path) -> bool:
         return path.suffix == ".trap"
 
-    def members(self, path):  # type: ignore[no-untyped-def]
+    def members(self, path: Path) -> list[str]:
         return [""]
 
-    def read(self, path, member=""):  # type: ignore[no-untyped-def]
+    def read(self, path: Path, member: str = "") -> object:
         return TRAPS[path.read_text()]()
 
 
 @hookimpl
-def register_keypoint_readers(register):  # type: ignore[no-untyped-def]
+def register_keypoint_readers(register: Register) -> None:
     register("trap", "trap:TrapReader")

@@ -11,12 +11,17 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from gesture_signals.shoulder import ShoulderNormalizer
 
-from gesture_core import hookimpl
+from gesture_core import DtwSpec, PoseSequence, SignalBatch, Signals, hookimpl
+from gesture_core.plugin.hooks import Register
+from gesture_core.plugin.interfaces import Person
 
 FIGURE = np.array(
     [
@@ -29,39 +34,39 @@ BASE = 100
 KINDS = ("normalizer", "filter", "selector", "kernel", "pose")
 
 
-def _raise():
+def _raise() -> None:
     raise RuntimeError("not today")
 
 
-def _hungry():
+def _hungry() -> None:
     kept = []
     while True:
         kept.append(bytearray(b"x") * (32 << 20))
 
 
-def _recursion():
+def _recursion() -> None:
     return _recursion()
 
 
-def _interrupt():
+def _interrupt() -> None:
     raise KeyboardInterrupt
 
 
-def _print():
+def _print() -> None:
     print('{"answer": null}', flush=True)
     os.write(1, b"not json at all\n")
 
 
 class _Unprintable(Exception):
-    def __str__(self):
-        return 1 / 0
+    def __str__(self) -> str:
+        return str(1 / 0)
 
 
-def _unprintable():
+def _unprintable() -> None:
     raise _Unprintable
 
 
-DEADLY = {
+DEADLY: dict[str, Callable[[], object]] = {
     "os-exit": lambda: os._exit(0),
     "segfault": lambda: ctypes.string_at(0),
     "hang": lambda: time.sleep(600),
@@ -72,14 +77,18 @@ DEADLY = {
     "close": lambda: os.closerange(0, 64),
     "unprintable": _unprintable,
 }
-RAISING = {
+RAISING: dict[str, Callable[[], object]] = {
     "raise": _raise,
     "exit": lambda: sys.exit(0),
     "huge": lambda: np.ones(1 << 44),
     "recursion": _recursion,
 }
 WRONG = ("none", "shape", "nan", "text", "infinite")
-HARMLESS = {"print": _print, "mutate": lambda: None, "slow": lambda: time.sleep(0.2)}
+HARMLESS: dict[str, Callable[[], object]] = {
+    "print": _print,
+    "mutate": lambda: None,
+    "slow": lambda: time.sleep(0.2),
+}
 TROUBLES = (*DEADLY, *RAISING, *WRONG, *HARMLESS)
 POISONS = tuple(f"{kind} {trouble}" for kind in KINDS for trouble in TROUBLES)
 
@@ -99,12 +108,12 @@ def poison(kind: str, frames: int) -> str:
     return trouble
 
 
-def spoil(trouble: str, answer: np.ndarray, argument: np.ndarray) -> object:
+def spoil(trouble: str, answer: Any, argument: np.ndarray) -> Any:
     """The wrong answer that ``trouble`` stands for, else ``answer``."""
     if trouble == "mutate":
         argument.flags.writeable = True
         argument[...] = 0
-    wrong = {
+    wrong: dict[str, object] = {
         "none": None,
         "shape": np.ones((1, 1, 1)),
         "nan": np.full(np.shape(answer), np.nan),
@@ -115,13 +124,13 @@ def spoil(trouble: str, answer: np.ndarray, argument: np.ndarray) -> object:
 
 
 class Normalizer:
-    def normalize(self, pose):
+    def normalize(self, pose: PoseSequence) -> object:
         trouble = poison("normalizer", len(pose))
         return spoil(trouble, ShoulderNormalizer().normalize(pose), pose.keypoints)
 
 
 class Filter:
-    def apply(self, signals):
+    def apply(self, signals: Signals) -> Signals | None:
         trouble = poison("filter", len(signals))
         values = spoil(trouble, signals.values, signals.values)
         if trouble == "none":
@@ -130,19 +139,19 @@ class Filter:
 
 
 class Selector:
-    def select(self, signals):
+    def select(self, signals: Signals) -> object:
         trouble = poison("selector", len(signals))
         return spoil(trouble, signals.values.std(axis=0) > 0.1, signals.values)
 
 
 class Kernel:
-    def supports(self, spec):
+    def supports(self, spec: DtwSpec) -> bool:
         return True
 
-    def prepare(self, examples, spec):
+    def prepare(self, examples: SignalBatch, spec: DtwSpec) -> tuple[np.ndarray, np.ndarray]:
         return examples.values, examples.lengths
 
-    def distances(self, state, queries):
+    def distances(self, state: tuple[np.ndarray, np.ndarray], queries: SignalBatch) -> object:
         trouble = ""
         for frames in queries.lengths:
             trouble = poison("kernel", int(frames)) or trouble
@@ -157,12 +166,10 @@ class Pose:
     skeleton = "coco18"
     batch_size = 4
 
-    def __init__(self, model):
+    def __init__(self, model: object) -> None:
         pass
 
-    def estimate(self, frames, people="single"):
-        from gesture_core.plugin.interfaces import Person
-
+    def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]] | None:
         found = []
         for frame in frames:
             # Codecs want even sides: twice the length of a poisoned keypoint file.
@@ -177,7 +184,7 @@ class Pose:
 class Writer:
     suffix = ".bad"
 
-    def write(self, rows, columns, path):
+    def write(self, rows: object, columns: Sequence[str], path: Path) -> None:
         trouble = os.environ.get("TROUBLE", "")
         path.write_text("half")
         if trouble == "none":
@@ -188,51 +195,51 @@ class Writer:
 
 
 class Reader:
-    def accepts(self, path):
+    def accepts(self, path: Path) -> bool:
         if path.suffix == ".poison" and path.read_text().startswith("accepts "):
             DEADLY[path.read_text().split()[1]]()
         return path.suffix == ".poison"
 
-    def members(self, path):
+    def members(self, path: Path) -> object:
         what, trouble = path.read_text().split()
         if what != "members":
             return [""]
         return {"empty": [], "numbers": [1, 2]}[trouble] if trouble not in DEADLY else DEADLY[trouble]()
 
-    def read(self, path, member=""):
+    def read(self, path: Path, member: str = "") -> object:
         return DEADLY[path.read_text().split()[1]]()
 
 
 @hookimpl
-def register_normalizers(register):
+def register_normalizers(register: Register) -> None:
     register("trouble-normalizer", "trouble:Normalizer")
 
 
 @hookimpl
-def register_filters(register):
+def register_filters(register: Register) -> None:
     register("trouble-filter", "trouble:Filter")
 
 
 @hookimpl
-def register_selectors(register):
+def register_selectors(register: Register) -> None:
     register("trouble-selector", "trouble:Selector")
 
 
 @hookimpl
-def register_distance_kernels(register):
+def register_distance_kernels(register: Register) -> None:
     register("trouble-kernel", "trouble:Kernel")
 
 
 @hookimpl
-def register_pose_backends(register):
+def register_pose_backends(register: Register) -> None:
     register("trouble-pose", "trouble:Pose")
 
 
 @hookimpl
-def register_result_writers(register):
+def register_result_writers(register: Register) -> None:
     register("trouble-writer", "trouble:Writer")
 
 
 @hookimpl
-def register_keypoint_readers(register):
+def register_keypoint_readers(register: Register) -> None:
     register("trouble-reader", "trouble:Reader")

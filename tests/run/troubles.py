@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -69,9 +70,18 @@ def write_video(path: Path, width: int, frames: int, right: bool = True, seed: i
     writer.release()
 
 
-def classify(folder: Path, out: Path, site: Path | None, *options: str | Path) -> tuple[int, dict[str, dict]]:
+def classify(
+    folder: Path, out: Path, site: Path | None, *options: str | Path
+) -> tuple[int, dict[str, dict[str, Any]]]:
     """Exit code, and the rows by the names of their inputs."""
-    command = ["classify", folder / "videos", "--examples", folder / "examples", "--out", out]
+    command: list[str | Path] = [
+        "classify",
+        folder / "videos",
+        "--examples",
+        folder / "examples",
+        "--out",
+        out,
+    ]
     done = subprocess.run(
         [sys.executable, "-m", "gesture_core", *command, "--preset", "paper", *LIMITS, *options],
         env=with_site(site) if site else None,

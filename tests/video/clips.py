@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from av.video.stream import VideoStream
 
 FRAMES = 36
 SIZE = (96, 64)
@@ -57,7 +61,7 @@ def write_clip(
     import av
 
     with av.open(str(path), "w", options=container_options or {}) as container:
-        stream = container.add_stream(_ENCODERS.get(codec, codec), rate=fps)
+        stream = cast("VideoStream", container.add_stream(_ENCODERS.get(codec, codec), rate=fps))
         stream.width, stream.height = size
         stream.pix_fmt = {"mjpeg": "yuvj420p", "gif": "rgb8"}.get(codec, "yuv420p")
         base = {"libx264": {"preset": "veryfast", "g": "12"}, "libvpx-vp9": {"cpu-used": "8", "g": "12"}}

@@ -5,11 +5,16 @@ from __future__ import annotations
 import io
 import struct
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import pytest
 from clips import FRAMES, write_clip
 from hypothesis import given
 from hypothesis import strategies as st
+
+if TYPE_CHECKING:
+    from av.audio.stream import AudioStream
+    from av.video.stream import VideoStream
 
 from gesture_core.video import open_video
 from gesture_core.video.integrity import matroska
@@ -105,7 +110,8 @@ def test_a_film_with_sound_is_whole(tmp_path: Path, name: str, codec: str, sound
 
     rate = 48000
     with av.open(str(tmp_path / name), "w") as container:
-        pictures, sounds = container.add_stream(codec, rate=25), container.add_stream(sound, rate=rate)
+        pictures = cast("VideoStream", container.add_stream(codec, rate=25))
+        sounds = cast("AudioStream", container.add_stream(sound, rate=rate))
         pictures.width, pictures.height = 96, 64
         pictures.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
         for index in range(FRAMES):
