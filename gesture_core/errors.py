@@ -324,6 +324,11 @@ class WorkerError(PluginError):
 
     code = "E_WORKER_CRASH"
 
+    def blaming(self) -> WorkerError:
+        """The error with the plugin in its cause, where a row names its input as the subject."""
+        cause = f"{self.subject}: {self.cause}" if self.subject else self.cause
+        return WorkerError(cause, kept=self.kept, remedy=self.remedy, code=self.code)
+
 
 class RunFolderError(GestureError):
     """A run folder that is locked, damaged, or was made with other settings."""

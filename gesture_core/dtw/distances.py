@@ -239,7 +239,7 @@ def check_distances(values: np.ndarray, queries: SignalBatch, examples: SignalBa
     """Hold a kernel to its contract: the shape, no NaN, infinity only without a common dimension."""
     if values.shape != (len(queries), len(examples)):
         raise PluginError(
-            f"distance kernel {name!r} returned shape {values.shape} "
+            f"{registry().find('kernel', name)} returned shape {values.shape} "
             f"for {len(queries)} queries and {len(examples)} examples",
             code="E_PLUGIN_CONTRACT",
         )
@@ -248,7 +248,7 @@ def check_distances(values: np.ndarray, queries: SignalBatch, examples: SignalBa
     if wrong.any():
         first = int(wrong.argmax())
         raise PluginError(
-            f"distance kernel {name!r} returned {values[qi[first], ei[first]]} "
+            f"{registry().find('kernel', name)} returned {values[qi[first], ei[first]]} "
             f"for query {qi[first]} and example {ei[first]}",
             remedy="another --kernel, and a report to its author",
             code="E_PLUGIN_CONTRACT",

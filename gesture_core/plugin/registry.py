@@ -13,6 +13,7 @@ import importlib.util
 import inspect
 import re
 import sys
+import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
@@ -295,13 +296,13 @@ def calling(
     PluginError
     """
     name = str(plugin) if isinstance(plugin, Registration | Origin) else name_of(plugin)
-    _called.append(name)
-    for note in _watchers:
-        note(name)
+    called = _calls.__dict__.setdefault("names", [])
+    called.append(name)
+    _say_who_is_called(called)
     try:
         yield
-    except (SignalError, PluginError) as error:  # of what it returned
-        if name not in error.cause and not isinstance(plugin, Origin):
+    except SignalError as error:  # of what it returned, where the plugin itself was called
+        if not isinstance(plugin, Registration | Origin):
             error.cause += f" ({name})"
         raise
     except GestureError:
@@ -309,19 +310,25 @@ def calling(
     except passing:
         raise
     except MemoryError as error:
-        more = "--set limits.memory=… with a larger figure, and --retry-errors"
+        more = "a larger limits.memory (--set, or GESTURE_SET_LIMITS__MEMORY), and --retry-errors"
         raise PluginError(f"{name}: out of memory", kept=kept, remedy=more, code="E_WORKER_MEMORY") from error
     except (Exception, SystemExit) as error:
         cause = f"{name} {verb}{'' if verb.endswith('raised') else ':'} {described(error)}"
         raise PluginError(cause, kept=kept, remedy=remedy, code=code) from error
     finally:
-        _called.pop()
-        for note in _watchers:
-            note(_called[-1] if _called else "")
+        called.pop()
+        _say_who_is_called(called)
 
 
-_called: list[str] = []
+_calls = threading.local()
 _watchers: list[Callable[[str], None]] = []
+
+
+def _say_who_is_called(names: Sequence[str]) -> None:
+    """The calls of a plugin's own threads say nothing: nobody waits for them."""
+    if threading.current_thread() is threading.main_thread():
+        for note in _watchers:
+            note(names[-1] if names else "")
 
 
 def watch(note: Callable[[str], None]) -> None:

@@ -11,7 +11,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from gesture_core.errors import PluginError, WorkerError
+from gesture_core.errors import PluginError, RunFolderError, WorkerError
 from gesture_core.files import replacing
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.run.results import open_results
@@ -69,8 +69,12 @@ def write_rows(run: Path, format: str, path: Path, alive: Callable[[], None] = l
                     last = time.monotonic()
 
     kept, remedy = "every row of the run", "another --format, or report it"
-    with open_results(run) as results, calling(entry, kept=kept, remedy=remedy, passing=(OSError,)):
-        writer.write(records(), COLUMNS, path)
+    try:
+        with open_results(run) as results, calling(entry, kept=kept, remedy=remedy, passing=(OSError,)):
+            writer.write(records(), COLUMNS, path)
+    except OSError as error:
+        cause = f"the file cannot be written: {error.strerror or error}"
+        raise RunFolderError(cause, kept=kept, remedy="free space there", code="E_RUN_WRITE") from error
     if not path.is_file():
         raise PluginError(f"{entry} wrote no file", kept=kept, code="E_PLUGIN_CONTRACT")
 

@@ -96,7 +96,10 @@ class OpenEngine:
                     outcome.error.remedy = (
                         "repair the file, or --set pose.reader=… with the other video reader"
                     )
-                found = Extracted(complete=False).failed(outcome.error)
+                error = outcome.error
+                found = Extracted(complete=False).failed(
+                    error.blaming() if isinstance(error, WorkerError) else error
+                )
             yield item, replace(found, plugin=str(entry.origin), attempts=outcome.attempts)
 
     def require_model(self, identity: Mapping[str, Any]) -> None:

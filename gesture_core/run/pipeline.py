@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from gesture_core.errors import Code, ConfigError, GestureError, InputError, WorkerError
+from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.inputs import Input
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
@@ -264,7 +264,8 @@ class _Run:
         except ConfigError:
             raise
         except GestureError as error:
-            return rows_of(item, found.failed(_blaming(error)), None, mark)[0]
+            failed = error.blaming() if isinstance(error, WorkerError) else error
+            return rows_of(item, found.failed(failed), None, mark)[0]
         return None
 
     def _decide(self, batch: Sequence[tuple[Input, Extracted]]) -> None:
@@ -278,23 +279,29 @@ class _Run:
             predictions, attempts = decided.get(item.key, (None, 1))
             found = replace(found, attempts=max(found.attempts, attempts))
             if found.people and not found.code and self.plan.files:
-                self.plan.files.put(item, keypoint_store() / found.stored)
+                try:
+                    self.plan.files.put(item, keypoint_store() / found.stored)
+                except FileNotFoundError:
+                    gone = "its keypoints are gone from the store"
+                    found = found.failed(KeypointError(gone, remedy="--retry-errors", code="E_STORE"))
             self._commit(item, rows_of(item, found, predictions, self.plan.fingerprint), found.stamp)
 
     def _decided(
-        self, some: Sequence[tuple[Input, Extracted]]
+        self, some: Sequence[tuple[Input, Extracted]], *, alone: bool = False
     ) -> dict[bytes, tuple[list[dict[str, Any]], int]]:
-        """Predictions and attempts by the input's key; in case of a death, of each input alone."""
-        inputs = [{"name": item.name, "stored": found.stored} for item, found in some]
+        """Predictions and attempts by the input's key; where that fails, once more, of each input alone."""
+        inputs = [
+            {"name": item.name, "stored": found.stored, "people": len(found.people)} for item, found in some
+        ]
         try:
             answers = self.assistant.ask("decide", {"inputs": inputs}, retry=False)
         except ConfigError:
             raise
         except GestureError as error:
-            if len(some) > 1:
-                alone = [self._decided([one]) for one in some]
-                return {key: value for one in alone for key, value in one.items()}
-            failed = _blaming(error)
+            if not alone:
+                each = [self._decided([one], alone=True) for one in some]
+                return {key: value for one in each for key, value in one.items()}
+            failed = error.blaming() if isinstance(error, WorkerError) else error
             prediction = {"status": "error", "code": failed.code, "message": failed.message}
             attempts = 2 if isinstance(error, WorkerError) else 1
             return {some[0][0].key: ([prediction] * len(some[0][1].people), attempts)}
@@ -305,11 +312,3 @@ class _Run:
         self.results.commit(Committed(item.key, item.place, stamp or self.plan.stamps[item.key]), rows)
         for row in rows:
             self.listener.row(row)
-
-
-def _blaming(error: GestureError) -> GestureError:
-    """The error with the plugin that ended the worker in its cause: a row names its input instead."""
-    if isinstance(error, WorkerError):
-        cause = f"{error.subject}: {error.cause}" if error.subject else error.cause
-        return WorkerError(cause, kept="the keypoints", remedy=error.remedy, code=error.code)
-    return error

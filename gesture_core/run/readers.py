@@ -1,4 +1,4 @@
-"""Whose keypoint file is it? Readers are asked in a worker."""
+"""Which keypoint reader takes a file or a folder."""
 
 from __future__ import annotations
 

@@ -43,16 +43,16 @@ CREATE TABLE IF NOT EXISTS published (key BLOB PRIMARY KEY, file TEXT NOT NULL);
 
 @dataclass(frozen=True)
 class Committed:
-    """What identifies an input and its content in the journal.
+    """What identifies an input and its content in the results.
 
     Attributes
     ----------
     key : bytes
-        Of the input, from `discovery.Input`.
+        Of the input, from `inputs.Input`.
     place : bytes
         Its absolute path.
     stamp : str
-        From `hashing.stamp`, of the file as it was read; empty where it could not be looked at.
+        From `files.stamp`, of the file as it was read; empty where it could not be looked at.
     """
 
     key: bytes
@@ -99,6 +99,7 @@ class Results:
                 code="E_RUN_DAMAGED",
             ) from error
         if version != str(_VERSION):
+            self._db.close()
             raise RunFolderError(
                 f"was written in format {version}, this version reads {_VERSION}",
                 subject=str(self.path),
@@ -253,7 +254,7 @@ class Results:
 
 
 def open_results(folder: str | os.PathLike[str]) -> Results:
-    """The journal of an existing run folder."""
+    """The results of an existing run folder."""
     return Results(Path(folder))
 
 
@@ -340,5 +341,7 @@ def _has_begun(folder: Path) -> bool:
     try:
         with open_results(folder) as found:
             return found.get("configuration") is not None
+    except sqlite3.Error:
+        return True
     except RunFolderError as error:
         return error.code != "E_NO_RUN"

@@ -77,7 +77,7 @@ def write_keypoints(path: Path, sequences: Sequence[PoseSequence], facts: Mappin
         "format": FORMAT,
         "skeleton": name,
         "people": [
-            {"person": s.person, "frame_size": s.frame_size, "provenance": dict(s.provenance)}
+            {"person": int(s.person), "frame_size": s.frame_size, "provenance": dict(s.provenance)}
             for s in sequences
         ],
         "facts": dict(facts),

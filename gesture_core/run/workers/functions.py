@@ -116,14 +116,14 @@ def fit(worker: Worker) -> None:
     worker.decider.fit(worker.alive)
 
 
-def decide(worker: Worker, inputs: Sequence[Mapping[str, str]]) -> list[list[dict[str, Any]]]:
-    """The predictions for everybody in each of some stored inputs (``name`` and ``stored``)."""
+def decide(worker: Worker, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[str, Any]]]:
+    """The predictions for everybody in each of some stored inputs (``name``, ``stored``, ``people``)."""
     people: list[list[Any]] = []
     for one in inputs:
         try:
             people.append(list(_people(worker, one["stored"], one["name"])))
         except GestureError as error:
-            people.append([error])
+            people.append([error] * one["people"])
     poses = [pose for some in people for pose in some if not isinstance(pose, GestureError)]
     predictions = iter(worker.decider.predict(poses))
     return [

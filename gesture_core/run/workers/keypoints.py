@@ -179,10 +179,10 @@ class KeypointExtractor:
             report = video.report
         frames.flush()
         return sequences, {
-            "frames_declared": report.frames_declared,
-            "frames_read": report.frames_read,
-            "complete": report.complete,
-            "notes": list(report.notes),
+            "frames_declared": None if report.frames_declared is None else int(report.frames_declared),
+            "frames_read": int(report.frames_read),
+            "complete": bool(report.complete),
+            "notes": [str(note) for note in report.notes],
             "seconds": frames.seconds,
         }
 
@@ -220,7 +220,7 @@ class KeypointExtractor:
             "complete": True,
             "notes": [],
             "seconds": seconds,
-            "assumed": sequences[0].provenance.get("assumed", "") if sequences else "",
+            "assumed": str(sequences[0].provenance.get("assumed", "")) if sequences else "",
         }
         return sequences, facts | known
 
@@ -255,7 +255,7 @@ def _with_facts(found: Extracted, sequences: list[PoseSequence], facts: Mapping[
     names = ("frames_declared", "frames_read", "complete", "seconds")
     return replace(
         found,
-        people=tuple((sequence.person, sequence.frames_with_pose) for sequence in sequences),
+        people=tuple((int(sequence.person), sequence.frames_with_pose) for sequence in sequences),
         notes=tuple(facts["notes"]),
         assumed=facts.get("assumed", ""),
         **{name: facts[name] for name in names},
@@ -277,7 +277,7 @@ class _Counted:
         reported, first = time.monotonic(), None
         for at, frame in self._frames:
             first = at if first is None else first
-            self.seconds = at - first
+            self.seconds = float(at - first)
             yield at, frame
             self._unreported += 1
             if time.monotonic() - reported > _REPORT_SECONDS:

@@ -90,6 +90,10 @@ class ProcessEngine:
         self._job, processes = job, self._processes
         done = False
         try:
+            for process in list(processes):  # one that ended while it was idle must cost no task
+                if process.failure():
+                    processes.remove(process)
+                    process.end()
             while waiting or any(process.task for process in processes):
                 busy = sum(process.task is not None for process in processes)
                 while len(processes) < min(workers, len(waiting) + busy):
@@ -243,15 +247,17 @@ class WorkerProcess:
             return 0
 
     def _read_messages(self, pipe: IO[str], inbox: Inbox) -> None:
-        with suppress(ValueError, OSError):
-            for line in pipe:
-                message = json.loads(line)
-                self._ready = True
-                if "plugin" in message:  # kept here, as nobody waits for it
-                    self._plugin = message["plugin"]
-                else:
-                    inbox.put((self, message))
-        inbox.put((self, None))
+        try:
+            with suppress(ValueError, OSError):
+                for line in pipe:
+                    message = dict(json.loads(line))
+                    self._ready = True
+                    if "plugin" in message:  # kept here, as nobody waits for it
+                        self._plugin = str(message["plugin"])
+                    else:
+                        inbox.put((self, message))
+        finally:
+            inbox.put((self, None))
 
     def _read_errors(self, pipe: IO[str]) -> None:
         with suppress(ValueError, OSError):

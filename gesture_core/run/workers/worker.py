@@ -1,12 +1,13 @@
 """A worker: performs tasks one after the other, by the functions of the table.
 
-``python -m gesture_core.run.workers.worker`` is a process of `process.WorkerProcess`: it takes JSON lines
+``python -m gesture_core.run.workers.worker`` is a process of `processes.WorkerProcess`: it takes JSON lines
 on standard input and answers on standard output. Whatever native code or a plugin prints goes to standard
 error, so that it cannot reach the pipe to the parent.
 """
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import queue
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from gesture_core import errors
 from gesture_core.errors import GestureError, InputError, PluginError
-from gesture_core.plugin.registry import Origin, calling, watch
+from gesture_core.plugin.registry import described, watch
 from gesture_core.types import Job, Outcome, Task
 
 if TYPE_CHECKING:
@@ -74,18 +75,21 @@ class Worker:
         """Call the function that ``task`` names; whatever goes wrong becomes the outcome's error."""
         from gesture_core.run.workers.functions import FUNCTIONS
 
+        failed: GestureError
         try:
-            with calling(Origin(f"worker function {task.function!r}"), passing=(OSError, BrokenPipeError)):
-                return Outcome(task.number, FUNCTIONS[task.function](self, **task.arguments))
-        except BrokenPipeError:
-            raise
+            return Outcome(task.number, FUNCTIONS[task.function](self, **task.arguments))
         except GestureError as error:
-            return Outcome(task.number, error=error)
+            failed = error
         except OSError as error:
-            cause = f"cannot be read: {error.strerror or error}"
-            return Outcome(
-                task.number, error=InputError(cause, remedy="check its permissions", code="E_READ")
-            )
+            cause = f"the system refused {error.filename or 'a file'}: {error.strerror or error}"
+            failed = InputError(cause, remedy="check its permissions, and free space", code="E_READ")
+        except MemoryError:
+            remedy = "--set limits.memory=… with a larger figure, and --retry-errors"
+            failed = PluginError("out of memory", remedy=remedy, code="E_WORKER_MEMORY")
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - a run goes on without this task
+            cause = f"worker function {task.function!r} raised {described(error)}"
+            failed = PluginError(cause, remedy="report it", code="E_PLUGIN_RAISED")
+        return Outcome(task.number, error=failed)
 
 
 def main() -> None:
@@ -95,8 +99,12 @@ def main() -> None:
     os.dup2(2, 1)
 
     def report(message: dict[str, Any]) -> None:
-        answers.write(json.dumps(message) + "\n")
-        answers.flush()
+        text = json.dumps(message) + "\n"
+        try:
+            answers.write(text)
+            answers.flush()
+        except BrokenPipeError:  # the parent is gone; nobody is left to be answered
+            os._exit(1)
 
     header = json.loads(sys.stdin.readline())
     _limit_memory(int(header["memory"]))
@@ -104,16 +112,22 @@ def main() -> None:
     watch(lambda plugin: report({"plugin": plugin}))
     messages: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
     threading.Thread(target=_take_messages, args=(messages,), daemon=True).start()
-    try:
-        report({"ready": True})
-        for first in header["first"]:
-            worker.perform(Task(0, **first))
-            worker.alive()
-        while True:
-            outcome = worker.perform(Task(0, **messages.get()))
+    importlib.import_module("gesture_core.run.workers.functions")  # a start may take its time
+    if worker.job.keys:
+        importlib.import_module("pyarrow.parquet")
+    report({"ready": True})
+    forgotten: GestureError | None = None  # why this process does not know what the one before it knew
+    for first in header["first"]:
+        forgotten = forgotten or worker.perform(Task(0, **first)).error
+        worker.alive()
+    while True:
+        task = Task(0, **messages.get())
+        outcome = Outcome(0, error=forgotten) if forgotten else worker.perform(task)
+        try:
             report({"value": outcome.value, "error": outcome.error and as_tree(outcome.error)})
-    except BrokenPipeError:  # the parent is gone; nobody is left to be answered
-        os._exit(1)
+        except (TypeError, ValueError) as error:
+            cause = f"worker function {task.function!r} has a value that is no plain one: {error}"
+            report({"value": None, "error": as_tree(PluginError(cause, code="E_PLUGIN_CONTRACT"))})
 
 
 def as_tree(error: GestureError) -> dict[str, str]:
