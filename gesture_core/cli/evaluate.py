@@ -160,8 +160,8 @@ def _print_thresholds(evaluation: Evaluation) -> None:
     curves = {"reject above": evaluation.rejection_curve(), "margin from": evaluation.margin_curve()}
     if any(curves.values()):  # otherwise nothing has a label
         print(
-            "a stricter threshold labels fewer inputs (coverage), and usually more of these rightly (accuracy): "
-            "--reject VALUE, or --set classify.margin=VALUE"
+            "a stricter threshold labels fewer inputs (coverage), and usually more of these rightly "
+            "(accuracy): --reject VALUE, or --set classify.margin=VALUE"
         )
     for title, curve in curves.items():
         if curve:
