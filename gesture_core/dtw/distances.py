@@ -237,10 +237,11 @@ def pair_distances(
 
 def check_distances(values: np.ndarray, queries: SignalBatch, examples: SignalBatch, name: str) -> np.ndarray:
     """Hold a kernel to its contract: the shape, no NaN, infinity only without a common dimension."""
+    entries = registry().entries.get(("kernel", name), [])
+    kernel = str(entries[0]) if entries else f"distance kernel {name!r}"
     if values.shape != (len(queries), len(examples)):
         raise PluginError(
-            f"{registry().find('kernel', name)} returned shape {values.shape} "
-            f"for {len(queries)} queries and {len(examples)} examples",
+            f"{kernel} returned shape {values.shape} for {len(queries)} queries and {len(examples)} examples",
             code="E_PLUGIN_CONTRACT",
         )
     qi, ei = np.nonzero(~np.isfinite(values))
@@ -248,8 +249,7 @@ def check_distances(values: np.ndarray, queries: SignalBatch, examples: SignalBa
     if wrong.any():
         first = int(wrong.argmax())
         raise PluginError(
-            f"{registry().find('kernel', name)} returned {values[qi[first], ei[first]]} "
-            f"for query {qi[first]} and example {ei[first]}",
+            f"{kernel} returned {values[qi[first], ei[first]]} for query {qi[first]} and example {ei[first]}",
             remedy="another --kernel, and a report to its author",
             code="E_PLUGIN_CONTRACT",
         )
