@@ -18,8 +18,8 @@ from gesture_dtw_numba.compiled import LANES
 @njit(nogil=True, error_model="numpy")
 def sweep(
     x: np.ndarray, padded: int, block: Any, rule: Any, costs: Any, gamma: Any, limited: Any, scratch: Any
-) -> int:
-    """Fill ``scratch.above`` with the last row of the accumulated cost; returns how many rows were done.
+) -> bool:
+    """Fill ``scratch.above`` with the last row of the accumulated cost; False where it was not reached.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def sweep(
         None where C is 1, no cell is forbidden and the warping is hard.
     gamma : None or float
     limited : bool
-        Stop where every lane is certain to exceed ``scratch.limit``.
+        Stop as soon as every lane is certain to exceed ``scratch.limit``.
     scratch : Scratch
         With the band, where ``rule`` has one.
     """
@@ -88,9 +88,10 @@ def sweep(
                 left[0, lane], left[1, lane], left[2, lane], left[3, lane] = v0, v1, v2, v3
                 corner[lane] = up
                 above[j, lane] = v3
-        if limited and i % 16 == 12 and _all_exceed(above, start, stop, corner, scratch.limit):
-            return i + 4 - padded
-    return len(x) - padded
+        now = limited and i % 16 == 12 and i + 4 < len(x)
+        if now and _all_exceed(above, start, stop, corner, scratch.limit):
+            return False
+    return True
 
 
 @njit(nogil=True)

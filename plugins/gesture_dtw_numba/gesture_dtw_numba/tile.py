@@ -104,8 +104,8 @@ def _group(
                             _fill_band(bands, rows, padded, scratch)
                     if costs is not None and rule.dependent:
                         _fill_share(q, query, e, es, lanes, rule.mean, costs.share)
-                    done = sweep(x, padded, block, rule, costs, gamma, limited, scratch)
-                    _collect(scratch, lanes, rows, done, rule, out[k])
+                    complete = sweep(x, padded, block, rule, costs, gamma, limited, scratch)
+                    _collect(scratch, lanes, rows, complete, rule, out[k])
     _reduce(q, qs, e, es, rule.mean and not rule.dependent, out)
 
 
@@ -214,10 +214,10 @@ def _used(q: Any, query: Any, e: Any, example: Any) -> Any:
 
 
 @njit(nogil=True, error_model="numpy")
-def _collect(scratch: Any, lanes: Any, rows: Any, done: Any, rule: Any, out: Any) -> None:
+def _collect(scratch: Any, lanes: Any, rows: Any, complete: Any, rule: Any, out: Any) -> None:
     """Add each lane's value at its own last column, normed and rooted, to its pair.
 
-    Infinity where fewer than ``rows`` rows were ``done``: what exceeds its limit.
+    Infinity where the table is not ``complete``: every pair exceeds its limit.
     """
     for lane, position in enumerate(lanes):
         columns = scratch.lengths[lane]
@@ -226,7 +226,7 @@ def _collect(scratch: Any, lanes: Any, rows: Any, done: Any, rule: Any, out: Any
             value /= rows + columns
         if rule.root:
             value = np.sqrt(value)
-        out[position] += value if done == rows else np.inf
+        out[position] += value if complete else np.inf
 
 
 @njit(nogil=True, error_model="numpy")
