@@ -136,6 +136,7 @@ def test_its_filter_adds_channels_that_know_their_side(
     installed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(str(installed))
+    monkeypatch.setattr(sys, "modules", dict(sys.modules))  # what is imported here is gone after it
     speed_filter = import_module("gesture_speed.filter").SpeedFilter
     rng = np.random.default_rng(0)
     names = ("left_wrist_x", "left_wrist_y", "right_wrist_x", "right_wrist_y", "nose_x")
