@@ -14,7 +14,7 @@ from typing import Any
 from gesture_core.errors import ModelError
 from gesture_core.skeletons import SKELETONS
 
-LAYOUTS = ("openpose", "movenet", "simcc", "yolo-pose")
+LAYOUTS = ("openpose", "movenet", "simcc", "yolo-pose", "blazepose")
 """Forms of output that there are decoders for (`gesture_core.pose.decode`)."""
 
 Shape = Sequence[int | None]
