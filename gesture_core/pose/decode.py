@@ -12,7 +12,7 @@ import numpy as np
 
 from gesture_core.errors import PoseError
 from gesture_core.plugin.interfaces import Person
-from gesture_core.pose.contract import ModelContract, split_openpose
+from gesture_core.pose.contract import BLAZEPOSE, ModelContract, split_openpose
 from gesture_core.pose.heatmaps import LEAST_SCORE, LIMBS, assemble, top_peaks
 from gesture_core.skeletons import skeleton
 
@@ -53,6 +53,8 @@ def decode(
         return _yolo_pose(arrays[0], people)
     if people != "single":
         raise _cannot_tell_apart(f"{contract.layout} finds one person in a picture")
+    if contract.layout == "blazepose":
+        return _blazepose(arrays)
     return _movenet(arrays[0], input_size) if contract.layout == "movenet" else _simcc(arrays, input_size)
 
 
@@ -114,6 +116,17 @@ def _yolo_pose(output: np.ndarray, people: str) -> list[list[Person]]:
         joints = [row[5:].reshape(17, 3) for row in kept]
         found.append([Person(one[:, :2] - 0.5, np.clip(one[:, 2], 0, 1)) for one in joints])
     return found
+
+
+def _blazepose(outputs: list[np.ndarray]) -> list[list[Person]]:
+    """39 times x, y, z in pixels, visibility and presence as logits; and whether a person is there
+    (Bazarevsky et al. 2020, BlazePose)."""
+    (landmarks,) = (out.reshape(-1, 39, 5) for out in outputs if out[0].size == BLAZEPOSE)
+    (there,) = (out.reshape(-1) for out in outputs if out[0].size == 1)
+    return [
+        [Person(one[:33, :2] - 0.5, 1 / (1 + np.exp(-one[:33, 3])), presence=float(presence))]
+        for one, presence in zip(landmarks, there, strict=True)
+    ]
 
 
 def _overlap(one: np.ndarray, two: np.ndarray) -> float:

@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import CropFollowing, Person, PoseBackend, TemporalChoice, Traceable
+from gesture_core.plugin.interfaces import (
+    CropFollowing,
+    Person,
+    PoseBackend,
+    RegionFollowing,
+    TemporalChoice,
+    Traceable,
+)
 from gesture_core.pose.follow import Follower
+from gesture_core.pose.region import RegionFollower
 from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
@@ -96,7 +104,10 @@ def extract_poses(
         follow = isinstance(backend, CropFollowing) and backend.follow
     if steady is None:
         steady = backend.steady if isinstance(backend, TemporalChoice) else True
-    follower = Follower(backend) if follow and people == "single" else None
+    follower: Follower | RegionFollower | None = None
+    if follow and people == "single":
+        regions = isinstance(backend, RegionFollowing) and backend.region > 0
+        follower = RegionFollower(backend) if regions else Follower(backend)
     choice = JointChoice(body) if steady and people == "single" else None
     tracker = Tracker(joints) if people == "multi" else None
     size: tuple[int, int] | None = None

@@ -29,6 +29,8 @@ MAX_BYTES = 1 << 30
 """No pose network that runs on a CPU at video speed is larger."""
 SUFFIXES = (".onnx", ".tflite", ".pb", ".caffemodel")
 CARD = "model.json"
+FINDER = "compact"
+"""Finds the first region of a person for networks that see only that."""
 NAME = re.compile(r"(?=.{1,64}$)[a-z0-9]+([-._][a-z0-9]+)*")
 """A name becomes a folder, so that nothing that could leave `models_dir` is one."""
 

@@ -1,4 +1,4 @@
-"""Runs pose networks with OpenCV's DNN module: ONNX, TensorFlow, and Caffe where OpenCV still reads it."""
+"""Runs pose networks with OpenCV's DNN module: ONNX, TensorFlow (Lite), and Caffe where OpenCV still reads it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PROTOTXT_LIMIT = 1 << 20
 
 
 class OpenCvBackend(NetworkBackend):
-    """Pose networks in ONNX, TensorFlow or Caffe. Options as `NetworkBackend`."""
+    """Pose networks in ONNX, TensorFlow, TensorFlow Lite or Caffe. Options as `NetworkBackend`."""
 
     name = "opencv-dnn"
     runtime = f"opencv {cv2.__version__}"
@@ -22,6 +22,8 @@ class OpenCvBackend(NetworkBackend):
         try:
             if self.header is not None:
                 self._net = cv2.dnn.readNetFromONNX(content)
+            elif self.model.path.suffix.lower() == ".tflite":
+                self._net = cv2.dnn.readNetFromTFLite(content)
             elif self.model.path.suffix.lower() == ".pb":
                 self._net = cv2.dnn.readNetFromTensorflow(content)
             else:
