@@ -249,7 +249,7 @@ class CropFollowing(Protocol):
 
 
 @runtime_checkable
-class RegionFollowing(Protocol):
+class RegionFollowing(PoseBackend, Protocol):
     """A pose backend whose network was made for one person, upright in a square of their own.
 
     It is given such squares where people are followed (`gesture_core.pose.region`).

@@ -20,7 +20,7 @@ LAYOUTS = ("openpose", "movenet", "simcc", "yolo-pose", "blazepose")
 _JOINTS = {"movenet": "coco17", "yolo-pose": "coco17", "blazepose": "blazepose33"}
 """Skeletons of layouts that have only one."""
 BLAZEPOSE = 39 * 5
-"""Values of BlazePose's landmarks: 33 of the body, 6 that help to follow it; x, y, z, visibility, presence."""
+"""Values of BlazePose's landmarks: 33 of the body and 6 more, each x, y, z, visibility and presence."""
 
 Shape = Sequence[int | None]
 

@@ -121,10 +121,12 @@ def _yolo_pose(output: np.ndarray, people: str) -> list[list[Person]]:
 def _blazepose(outputs: list[np.ndarray]) -> list[list[Person]]:
     """39 times x, y, z in pixels, visibility and presence as logits; and whether a person is there
     (Bazarevsky et al. 2020, BlazePose)."""
+    from scipy.special import expit
+
     (landmarks,) = (out.reshape(-1, 39, 5) for out in outputs if out[0].size == BLAZEPOSE)
     (there,) = (out.reshape(-1) for out in outputs if out[0].size == 1)
     return [
-        [Person(one[:33, :2] - 0.5, 1 / (1 + np.exp(-one[:33, 3])), presence=float(presence))]
+        [Person(one[:33, :2] - 0.5, expit(one[:33, 3]), presence=float(presence))]
         for one, presence in zip(landmarks, there, strict=True)
     ]
 

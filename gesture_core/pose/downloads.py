@@ -38,9 +38,7 @@ _LINES = 3
 """Of what pip says at its end, for an error."""
 
 
-def get_model(
-    name: str, *, replace: bool = False, on_bytes: OnBytes = lambda count: None
-) -> list[ModelFile]:
+def get_model(name: str, *, replace: bool = False, on_bytes: OnBytes = lambda count: None) -> list[ModelFile]:
     """Fetch a known network, and those that belong to it, into the user's folder.
 
     Parameters
@@ -74,9 +72,7 @@ def get_model(
     lacking = [one for one in wanted if replace or not _sound(one)]
     if lacking:
         with tempfile.TemporaryDirectory(prefix="gesture-model-") as folder:
-            archive = (
-                _wheel(known, Path(folder)) if known.wheel else _zip(known, Path(folder), on_bytes)
-            )
+            archive = _wheel(known, Path(folder)) if known.wheel else _zip(known, Path(folder), on_bytes)
             # Every file is checked before the first is added.
             for one, file in [(one, _member(one, archive, Path(folder))) for one in lacking]:
                 origin = f"{known.wheel or known.url} {one.member}"
@@ -158,9 +154,7 @@ def _member(known: KnownModel, archive: Path, folder: Path) -> Path:
     return path
 
 
-def _switched_off(
-    what: str, instead: str = "bring the file: 'gesture models add FILE'"
-) -> ModelError:
+def _switched_off(what: str, instead: str = "bring the file: 'gesture models add FILE'") -> ModelError:
     return ModelError(
         "downloads are switched off (GESTURE_OFFLINE)", subject=what, remedy=instead, code="E_OFFLINE"
     )

@@ -46,8 +46,10 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
         From the plugin registry, from `find_model`, or from loading the network.
     """
     from gesture_core.plugin import registry
+    from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.models import find_model
 
+    settings = choose_pose(settings)
     pose, plugins = settings.pose, registry()
     shared = {"threads": threads, "height": pose.height, "score": pose.score}
     options = {
@@ -106,8 +108,10 @@ def extract_poses(
         steady = backend.steady if isinstance(backend, TemporalChoice) else True
     follower: Follower | RegionFollower | None = None
     if follow and people == "single":
-        regions = isinstance(backend, RegionFollowing) and backend.region > 0
-        follower = RegionFollower(backend) if regions else Follower(backend)
+        if isinstance(backend, RegionFollowing) and backend.region:
+            follower = RegionFollower(backend)
+        else:
+            follower = Follower(backend)
     choice = JointChoice(body) if steady and people == "single" else None
     tracker = Tracker(joints) if people == "multi" else None
     size: tuple[int, int] | None = None

@@ -22,6 +22,8 @@ from gesture_core.pose.decode import decode
 from gesture_core.pose.models import FINDER, ModelFile, find_model
 from gesture_core.pose.onnx_header import OnnxHeader, read_header
 
+_REGION = 256
+"""Pixels of a side of BlazePose's input, which no header states."""
 MAX_ASPECT = 3.0
 """A free input is at most this much wider than high; wider pictures are letterboxed into it."""
 
@@ -161,8 +163,8 @@ class NetworkBackend(ABC):
         ):
             raise ValueError(
                 f"score {score}, presence {presence}, batch_size {batch_size}, threads {threads}, "
-                f"height {height}: score and presence lie in 0..1, batch_size is at least 1, threads at least "
-                "0, height at least 32"
+                f"height {height}: score and presence lie in 0..1, batch_size is at least 1, threads at "
+                "least 0, height at least 32"
             )
         self.model = model
         self.height = height
@@ -176,7 +178,9 @@ class NetworkBackend(ABC):
         self.contract = model.contract or self._contract_of_a_run()
         self.follow, self.crop = self.contract.follow, self.contract.crop
         self.steady = self.contract.steady if steady is None else steady
-        self.region = (self.contract.input_size or (256, 256))[0] if self.contract.layout == "blazepose" else 0
+        self.region = (
+            (self.contract.input_size or (256, 256))[0] if self.contract.layout == "blazepose" else 0
+        )
         self.score = self.contract.score if score is None else score
         self.batch_size = self.contract.batch or batch_size
         self.skeleton = self.contract.skeleton
@@ -244,7 +248,11 @@ class NetworkBackend(ABC):
             outputs = [output[: len(frames)] for output in outputs]
         pictures = decode(outputs, self.contract, size, people, max(self.score, 0.05))
         return [
-            [self._in_frame(person, box, frame_size) for person in picture if person.presence >= self.presence]
+            [
+                self._in_frame(person, box, frame_size)
+                for person in picture
+                if person.presence >= self.presence
+            ]
             for picture in pictures
         ]
 
@@ -272,7 +280,7 @@ class NetworkBackend(ABC):
 
     def _contract_of_a_run(self) -> ModelContract:
         """The contract of a network that no header describes, from one run on a grey picture."""
-        side = 256 if self.model.path.suffix.lower() == ".tflite" else 368
+        side = _REGION if self.model.path.suffix.lower() == ".tflite" else 368
         declared = Tensor("input", "float32", (None, 3, side, side))
         if self.header is not None and self.header.inputs:
             declared = self.header.inputs[0]

@@ -23,7 +23,7 @@ squares that BlazePose's own auxiliary points ask for, in 3,300 frames; half of 
 
 @dataclass(frozen=True)
 class Region:
-    """A square of a frame: its centre and side in pixels, and the angle of its upward direction, clockwise."""
+    """A square of a frame: its centre and side in pixels, and how far it is turned clockwise, in radians."""
 
     x: float
     y: float
@@ -104,7 +104,7 @@ class RegionFollower:
         regions = [Region((wide - 1) / 2, (high - 1) / 2, max(wide, high))]
         if body is not None:
             shoulders = np.array(body.shoulders)
-            region = Region.around(shoulders + (0, body.torso), shoulders)
+            region = Region.around(shoulders + np.array([0, body.torso]), shoulders)
             regions = [region, *regions] if region else regions
         for region in regions:
             person = self._look(frame, region)

@@ -28,11 +28,13 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
     dict
         ``video`` and ``readers``, the latter by name; see `pose_keys`.
     """
+    from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.extract import REVISION
     from gesture_core.pose.models import find_model
     from gesture_core.video import reader_name
 
     plugins = registry()
+    settings = choose_pose(settings)
     pose = settings.as_dict()["pose"]
     shared = {name: pose[name] for name in ("fps", "people", "score")}
     del pose["fps"]

@@ -33,9 +33,10 @@ class PoseSettings(_Section):
     Attributes
     ----------
     backend : str
-        Name of a pose backend.
+        Name of a pose backend, or ``auto``: the first one that reads the network's file.
     model : str
-        Name or file of a pose network.
+        Name or file of a pose network, or ``auto``: ``blazepose`` where it is installed, otherwise
+        ``compact``.
     people : "single" or "multi"
         One person for each input, or one row for each track.
     height : int or None
@@ -52,8 +53,8 @@ class PoseSettings(_Section):
         Frames per second of keypoint files that carry no times.
     """
 
-    backend: str = "onnx"
-    model: str = "compact"
+    backend: str = "auto"
+    model: str = "auto"
     people: Literal["single", "multi"] = "single"
     height: int | None = None
     follow: bool | None = None

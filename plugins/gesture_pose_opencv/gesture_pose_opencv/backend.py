@@ -1,4 +1,4 @@
-"""Runs pose networks with OpenCV's DNN module: ONNX, TensorFlow (Lite), and Caffe where OpenCV still reads it."""
+"""Runs pose networks with OpenCV's DNN module: ONNX, TensorFlow (Lite), Caffe where OpenCV still reads it."""
 
 from __future__ import annotations
 
