@@ -203,12 +203,15 @@ class Person:
         over time (`gesture_core.pose.temporal`) may take another place than the best of one frame.
     presence : float
         Probability in 0..1 that this is a person at all.
+    others : int
+        How many more people the network saw in the picture, where only this one was asked for.
     """
 
     keypoints: np.ndarray
     scores: np.ndarray
     peaks: np.ndarray | None = None
     presence: float = 1.0
+    others: int = 0
 
 
 @runtime_checkable

@@ -73,6 +73,10 @@ class ModelContract:
         Confidence below which a joint is missing, unless the user sets another.
     steady : bool
         Whether limbs are better chosen for all frames together, unless the user says otherwise.
+    presence : three floats, or empty
+        Of a network that does not say itself whether anybody is there: the weights of a logistic regression
+        on 1, the confidence in the upper body (`gesture_core.pose.follow.Anatomy`), and the share of the
+        joints that are found. Empty: the network says so, or everything that it finds counts.
     licence, attribution : str
         Of the weights.
 
@@ -99,6 +103,7 @@ class ModelContract:
     crop: float = 1.1
     score: float = 0.1
     steady: bool = True
+    presence: tuple[float, ...] = ()
     licence: str = ""
     attribution: str = ""
 
@@ -125,6 +130,9 @@ class ModelContract:
         if self.input_size is not None:
             _numbers("input_size", self.input_size, int, 1, 4096, 2)
             object.__setattr__(self, "input_size", tuple(self.input_size))
+        if len(self.presence):
+            _numbers("presence", self.presence, float, -1e3, 1e3, 3)
+        object.__setattr__(self, "presence", tuple(map(float, self.presence)))
         _numbers("pad", [self.pad], int, 0, 255)
         _numbers("multiple", [self.multiple], int, 1, 4096)
         _numbers("default_size", [self.default_size], int, 1, 4096)

@@ -114,6 +114,7 @@ def extract_poses(
             follower = Follower(backend)
     choice = JointChoice(body) if steady and people == "single" else None
     tracker = Tracker(joints) if people == "multi" else None
+    others = 0
     size: tuple[int, int] | None = None
     times: list[float] = []
     points: list[np.ndarray] = []
@@ -134,6 +135,7 @@ def extract_poses(
                     tracker.add(everybody)
                 continue
             best = [everybody[0] if everybody else None for everybody in found]
+        others += sum(1 for person in best if person and person.others)
         for person in best:
             points.append(person.keypoints if person else np.full((joints, 2), np.nan))
             scores.append(person.scores if person else np.zeros(joints))
@@ -145,6 +147,8 @@ def extract_poses(
         "steady": str(choice is not None),
         **(backend.provenance if isinstance(backend, Traceable) else {}),
     }
+    if others:
+        provenance["others"] = str(others)
     at = np.array(times, np.float64)
     if tracker:
         return [

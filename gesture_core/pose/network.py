@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -19,8 +19,10 @@ from gesture_core.errors import ModelError, PoseError
 from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.contract import ModelContract, Tensor, infer_contract
 from gesture_core.pose.decode import decode
+from gesture_core.pose.follow import Anatomy
 from gesture_core.pose.models import FINDER, ModelFile, find_model
 from gesture_core.pose.onnx_header import OnnxHeader, read_header
+from gesture_core.skeletons import skeleton
 
 _REGION = 256
 """Pixels of a side of BlazePose's input, which no header states."""
@@ -184,6 +186,7 @@ class NetworkBackend(ABC):
         self.score = self.contract.score if score is None else score
         self.batch_size = self.contract.batch or batch_size
         self.skeleton = self.contract.skeleton
+        self._anatomy = Anatomy(skeleton(self.skeleton))
         free = height or self.contract.default_size
         self.provenance = {
             "backend": self.name,
@@ -247,14 +250,8 @@ class NetworkBackend(ABC):
         if lacking:
             outputs = [output[: len(frames)] for output in outputs]
         pictures = decode(outputs, self.contract, size, people, max(self.score, 0.05))
-        return [
-            [
-                self._in_frame(person, box, frame_size)
-                for person in picture
-                if person.presence >= self.presence
-            ]
-            for picture in pictures
-        ]
+        found = [[self._in_frame(person, box, frame_size) for person in picture] for picture in pictures]
+        return [[person for person in picture if person.presence >= self.presence] for picture in found]
 
     def _in_frame(self, person: Person, box: Letterbox, frame_size: tuple[int, int]) -> Person:
         """A person of the input in pixels of the frame; joints outside it or below the score are missing."""
@@ -276,7 +273,13 @@ class NetworkBackend(ABC):
         found = np.concatenate([places, sure[..., None]], axis=-1)
         peaks = None if person.peaks is None else found[:, 1:]
         # Copies, so that the joints do not keep the peaks in memory.
-        return Person(found[:, 0, :2].copy(), found[:, 0, 2].copy(), peaks, person.presence)
+        places, sure = found[:, 0, :2].copy(), found[:, 0, 2].copy()
+        person = replace(person, keypoints=places, scores=sure, peaks=peaks)
+        if self.contract.presence:
+            facts = 1, self._anatomy.confidence(person), float((sure > 0).mean())
+            logit = float(np.dot(self.contract.presence, facts))
+            person = replace(person, presence=1 / (1 + math.exp(-logit)))
+        return person
 
     def _contract_of_a_run(self) -> ModelContract:
         """The contract of a network that no header describes, from one run on a grey picture."""

@@ -82,12 +82,15 @@ def rows_of(
         nobody = replace(base, status=Code.NO_PERSON.status, code="E_NO_PERSON", message=message)
         return [_with_damage(nobody, item, found)]
     rows = []
-    for number, (person, frames) in enumerate(found.people):
+    for number, seen in enumerate(found.people):
         prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
         code = Code.of(prediction.code)
         row = replace(
             base,
-            person=person,
+            person=seen.person,
+            start=seen.start,
+            end=seen.end,
+            box=seen.box,
             label=prediction.label,
             distance=prediction.distance,
             margin=prediction.margin,
@@ -96,7 +99,7 @@ def rows_of(
             code=prediction.code,
             message=_about(item, prediction.message)
             + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
-            frames_with_pose=frames,
+            frames_with_pose=seen.frames,
             selected=prediction.selected,
         )
         rows.append(_with_damage(row, item, found))
