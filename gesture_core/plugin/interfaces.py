@@ -223,8 +223,8 @@ class PoseBackend(Protocol):
     taken: ``threads`` (of the runtime, 0 for its own choice), and, where the user sets them in [pose],
     ``height`` (of the input, in pixels) and ``score`` (below which a joint is missing).
 
-    More abilities are optional: `CropFollowing`, `RegionFollowing`, `TemporalChoice`, `Traceable`, and
-    `Person.peaks`.
+    More abilities are optional: `CropFollowing`, `RegionFollowing`, `DeviceChoice`, `TemporalChoice`,
+    `Traceable`, and `Person.peaks`.
     `gesture_core.pose.network.NetworkBackend` is a base class that has them all.
     """
 
@@ -266,6 +266,19 @@ class RegionFollowing(PoseBackend, Protocol):
     @property
     def finder(self) -> PoseBackend:
         """What finds the person where nobody has been followed so far."""
+        ...
+
+
+@runtime_checkable
+class DeviceChoice(Protocol):
+    """A pose backend that runs on several devices, one of which its option ``device`` takes."""
+
+    @classmethod
+    def devices(cls) -> Mapping[str, Sequence[str]]:
+        """The setting in [pose] that chooses, ``provider`` or ``target``, and what there is on this machine.
+
+        The first one is what ``auto`` stands for.
+        """
         ...
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gesture_core.settings import Settings
 
 Frame = tuple[float, np.ndarray]
-REVISION = 2
+REVISION = 3
 """Goes up when the same network gives other keypoints than before: stored ones are then not used again."""
 
 
@@ -51,7 +51,8 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
 
     settings = choose_pose(settings)
     pose, plugins = settings.pose, registry()
-    shared = {"threads": threads, "height": pose.height, "score": pose.score}
+    device = next((one for one in (pose.provider, pose.target) if one != "auto"), None)
+    shared = {"threads": threads, "height": pose.height, "score": pose.score, "device": device}
     options = {
         key: value
         for key, value in shared.items()

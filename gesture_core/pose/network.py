@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -134,6 +134,8 @@ class NetworkBackend(ABC):
         contract says by default.
     presence : float
         Least probability that somebody is a person at all.
+    device : str
+        What it runs on, one of `devices`; ``auto`` is the first of them.
 
     Raises
     ------
@@ -155,6 +157,7 @@ class NetworkBackend(ABC):
         threads: int = 0,
         steady: bool | None = None,
         presence: float = 0.5,
+        device: str = "auto",
     ) -> None:
         if (
             not 0 <= (score or 0) <= 1
@@ -172,6 +175,8 @@ class NetworkBackend(ABC):
         self.height = height
         self.threads = threads
         self.presence = presence
+        first = next((here[0] for here in self.devices().values()), "cpu")
+        self.device = first if device == "auto" else device
         # The bytes that are checked are the bytes that run: the file is not opened again.
         data = model.read()
         is_onnx = model.path.suffix.lower() == ".onnx"
@@ -191,6 +196,7 @@ class NetworkBackend(ABC):
         self.provenance = {
             "backend": self.name,
             "runtime": self.runtime,
+            "device": self.device,
             "model": model.name,
             "model_sha256": model.sha256,
             "score": repr(self.score),
@@ -201,7 +207,12 @@ class NetworkBackend(ABC):
     @cached_property
     def finder(self) -> NetworkBackend:
         """The packaged network on the same runtime, for the first region of one that needs a region."""
-        return type(self)(find_model(FINDER), threads=self.threads, presence=0)
+        return type(self)(find_model(FINDER), threads=self.threads, presence=0, device=self.device)
+
+    @classmethod
+    def devices(cls) -> Mapping[str, Sequence[str]]:
+        """As `gesture_core.plugin.interfaces.DeviceChoice` says: nothing to choose."""
+        return {}
 
     @abstractmethod
     def open(self, data: bytes) -> None:

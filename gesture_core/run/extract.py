@@ -178,8 +178,8 @@ def extract_all(
     """
     if not items:
         return
-    settings = choose_pose(settings)
     videos = any(item.kind == "video" for item in items)
+    settings = choose_pose(settings, needed=videos)
     identity = pose_identity(settings, videos) if identity is None else identity
     added = False
     with OpenEngine(

@@ -158,7 +158,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         kernel = assistant.ask("open_classifier", keep=True)
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     videos = any(item.kind == "video" for item in (*inputs, *examples))
-    settings = choose_pose(settings)
+    settings = choose_pose(settings, needed=videos)
     identity = pose_identity(settings, with_model=videos)
     stamps = {item.key: _stamp(item) for item in (*inputs, *examples)}
     hashes = {
