@@ -20,6 +20,10 @@ SIDE = 4.35
 """Side of the square in torso lengths (middle of the shoulders to middle of the hips): the median of the
 squares that BlazePose's own auxiliary points ask for, in 3,300 frames; half of them lie within 2 % of it."""
 
+LOOKS = 3
+"""Times that a find is looked at, each time in the region that follows from it. Of 60 drawn pictures of
+nobody the network sees somebody in 10 at the first look, in 2 at the second as well, in none at the third."""
+
 
 @dataclass(frozen=True)
 class Region:
@@ -97,7 +101,7 @@ class RegionFollower:
         return person
 
     def _search(self, frame: np.ndarray) -> Person | None:
-        """The person in a frame of which nothing is known; a find is looked at again in its own region."""
+        """The person in a frame of which nothing is known; nobody is found who is not confirmed."""
         self.searches += 1
         high, wide = frame.shape[:2]
         body = self._finder.search(frame)
@@ -106,11 +110,16 @@ class RegionFollower:
             shoulders = np.array(body.shoulders)
             region = Region.around(shoulders + np.array([0, body.torso]), shoulders)
             regions = [region, *regions] if region else regions
-        for region in regions:
-            person = self._look(frame, region)
-            if person is not None:
-                return self._look(frame, self._around(person)) or person
-        return None
+        return next((person for region in regions if (person := self._confirmed(frame, region))), None)
+
+    def _confirmed(self, frame: np.ndarray, region: Region) -> Person | None:
+        """The person in a region, if they are still there in the regions that follow from it."""
+        found: Region | None = region
+        person: Person | None = None
+        for _ in range(LOOKS):
+            person = self._look(frame, found)
+            found = self._around(person)
+        return person
 
     def _look(self, frame: np.ndarray, region: Region | None) -> Person | None:
         if region is None:
