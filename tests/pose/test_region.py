@@ -30,6 +30,7 @@ def landmarks(points: np.ndarray, visibility: float = 2.0) -> np.ndarray:
     rows = np.zeros((39, 5), np.float32)
     rows[:33, :2] = points + 0.5
     rows[:33, 3] = visibility
+    rows[33:35, :2] = (128.5, 120.5), (128.5, 20.5)
     return rows.reshape(1, -1)
 
 
@@ -42,7 +43,8 @@ def test_its_outputs_are_recognised_and_decoded() -> None:
     ((person,),) = decode(outputs, contract, (256, 256), "single", 0.05)
     np.testing.assert_allclose(person.keypoints, points, atol=1e-3)
     np.testing.assert_allclose(person.scores, 1 / (1 + np.exp(-2.0)), atol=1e-5)
-    assert person.presence == pytest.approx(0.7)
+    assert person.presence == pytest.approx(0.7) and person.region is not None
+    np.testing.assert_allclose(person.region, [(128, 120), (128, 20)])
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, -1.2, 3.0])
@@ -58,14 +60,15 @@ def test_a_place_is_seen_in_the_square_and_found_back(angle: float) -> None:
 
 
 def test_people_stand_upright_in_their_square() -> None:
-    hips, shoulders = np.array([100.0, 100.0]), np.array([140.0, 100.0])  # lying, the head to the right
-    region = Region.around(hips, shoulders)
+    middle, top = np.array([100.0, 100.0]), np.array([170.0, 100.0])  # lying, the head to the right
+    region = Region.around(middle, top)
     assert region is not None
-    upright = Region.around(hips, np.array([100.0, 60.0]))
-    assert upright is not None and upright.angle == 0 and upright.side == region.side
-    head = region.back(Person(np.array([[127.5, 60.0]]), np.ones(1)), 256).keypoints[0]
-    assert head[0] > 120 and head[1] == pytest.approx(100, abs=0.5)
-    assert Region.around(hips, hips) is None
+    upright = Region.around(middle, np.array([100.0, 30.0]))
+    assert upright is not None and upright.angle == 0 and upright.side == region.side == 175
+    head = region.back(Person(np.array([[127.5, 60.0]]), np.ones(1), region=np.zeros((2, 2))), 256)
+    assert head.keypoints[0, 0] > 120 and head.keypoints[0, 1] == pytest.approx(100, abs=0.5)
+    assert head.region is not None and np.linalg.norm(head.region[0] - middle) > 100
+    assert Region.around(middle, middle) is None
 
 
 class Seeing:
@@ -79,10 +82,8 @@ class Seeing:
 
     def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
         self.looks += 1
-        points = np.full((33, 2), 128.0)
-        for side in ("left", "right"):
-            points[BLAZEPOSE33.index(f"{side}_shoulder")] = 128, 128 - 256 / 4.35
-        return [[Person(points, np.ones(33))] if self.there else []]
+        points, region = np.full((33, 2), 128.0), np.array([(127.5, 127.5), (127.5, 25.1)])
+        return [[Person(points, np.ones(33), region=region)] if self.there else []]
 
 
 class Finding:
