@@ -266,7 +266,9 @@ class KeypointReader(Protocol):
 
     A reader whose options include ``fps`` or ``people`` is given those of the section [pose]. What a
     file does not say and the reader assumes, such as the frames a second, is named in
-    ``PoseSequence.provenance["assumed"]``; the end of a run says for how many files.
+    ``PoseSequence.provenance["assumed"]``; the end of a run says for how many files. Frames that cannot be
+    read count as frames without people, and ``provenance["lost"]`` says how many they are and why: the row
+    is degraded.
     """
 
     def accepts(self, path: Path) -> bool:

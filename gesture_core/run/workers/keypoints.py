@@ -214,11 +214,12 @@ class KeypointExtractor:
                 code="E_KEYPOINTS_LIMIT",
             )
         seconds = max((float(s.times[-1] - s.times[0]) for s in sequences if len(s)), default=0.0)
+        lost = sorted({s.provenance["lost"] for s in sequences if "lost" in s.provenance})
         facts: dict[str, Any] = {
             "frames_declared": None,
             "frames_read": frames,
-            "complete": True,
-            "notes": [],
+            "complete": not lost,
+            "notes": lost,
             "seconds": seconds,
             "assumed": str(sequences[0].provenance.get("assumed", "")) if sequences else "",
         }

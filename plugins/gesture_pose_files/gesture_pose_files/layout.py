@@ -129,7 +129,7 @@ def assumed_picture(size: tuple[int, int]) -> str:
     return f"a picture of {size[0]} x {size[1]} (frame_size)"
 
 
-def check_seconds(times: np.ndarray, source: str) -> None:
+def check_seconds(times: np.ndarray, source: str, *, remedy: str = "dividing milliseconds by 1000") -> None:
     """Refuse times, in any order, that can be no seconds: E_KEYPOINTS_TIMES."""
     given = np.asarray(times, np.float64)
     steps = np.diff(np.unique(given[np.isfinite(given)]))
@@ -138,7 +138,7 @@ def check_seconds(times: np.ndarray, source: str) -> None:
         raise KeypointError(
             f"its frames are {usual:g} s apart, which shows no movement; times are in seconds",
             subject=source,
-            remedy="dividing milliseconds by 1000",
+            remedy=remedy,
             code="E_KEYPOINTS_TIMES",
         )
 

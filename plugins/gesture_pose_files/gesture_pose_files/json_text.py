@@ -1,0 +1,56 @@
+"""JSON read without trust: its size, its depth and its numbers are limited before anything is made of it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gesture_core.errors import KeypointError
+from gesture_core.files import printable
+from gesture_pose_files.files import COPY_AGAIN, open_keypoints
+
+MAX_DEPTH = 24
+# Possessive, and the closing quote optional: linear in whatever a hostile file holds.
+_STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)
+
+
+def load(path: Path, max_bytes: int) -> Any:
+    """The tree in the JSON file ``path``; NaN, which Python's own writer writes, is taken as it is.
+
+    Raises
+    ------
+    KeypointError
+        `E_KEYPOINTS_JSON` (not JSON, too deep), and those of `files.open_keypoints`.
+    """
+    with open_keypoints(path, max_bytes) as file:
+        data = file.read(max_bytes + 1)
+    name = printable(path)
+    if _depth(data) > MAX_DEPTH:
+        raise KeypointError(
+            f"is nested deeper than {MAX_DEPTH} levels", subject=name, code="E_KEYPOINTS_JSON"
+        )
+    try:
+        return json.loads(data, parse_constant=_constant)
+    except (ValueError, RecursionError) as error:
+        raise KeypointError(
+            f"is not JSON: {error}", subject=name, remedy=COPY_AGAIN, code="E_KEYPOINTS_JSON"
+        ) from error
+
+
+def _depth(data: bytes) -> int:
+    codes = np.frombuffer(_STRING.sub(b"", data), np.uint8)
+    steps = np.zeros(len(codes), np.int8)
+    steps[(codes == 0x5B) | (codes == 0x7B)] = 1
+    steps[(codes == 0x5D) | (codes == 0x7D)] = -1
+    return int(np.cumsum(steps, dtype=np.int32).max(initial=0))
+
+
+def _constant(text: str) -> float:
+    if text != "NaN":
+        raise ValueError(f"{text} is no JSON value")
+    return math.nan
