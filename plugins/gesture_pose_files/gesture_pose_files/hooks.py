@@ -8,9 +8,15 @@ def register_keypoint_readers(register: Register) -> None:
     register(
         "openpose-json",
         "gesture_pose_files.openpose_json:OpenPoseJsonReader",
-        summary="a folder of OpenPose *_keypoints.json files, versions 0.1 to 1.3",
+        summary="a folder of OpenPose JSON, one numbered file a frame, versions 0.1 to 1.3",
         suffixes=(".json",),
         folders=True,
+    )
+    register(
+        "result-list",
+        "gesture_pose_files.result_list:ResultListReader",
+        summary="one JSON file a clip, as AlphaPose, COCO's tools and MMPose write it",
+        suffixes=(".json",),
     )
     register(
         "arrays",

@@ -93,8 +93,9 @@ def _people(frame: object) -> list[Any] | None:
         if isinstance(held, list):
             return held
         return [frame] if held is None and any(key in frame for key in _KEYPOINTS) else None
-    people = isinstance(frame, list) and all(isinstance(one, Mapping) for one in frame)
-    return frame if people else None
+    if isinstance(frame, list) and all(isinstance(one, Mapping) for one in frame):
+        return frame
+    return None
 
 
 def _joints(person: Mapping[str, Any], number: int, name: str) -> np.ndarray | None:
@@ -156,8 +157,9 @@ def _identity(person: Mapping[str, Any]) -> int | None:
     held = next((person[key] for key in _IDENTITIES if key in person), None)
     for _ in range(3):
         held = held[0] if isinstance(held, list) and len(held) == 1 else held
-    whole = isinstance(held, int | float) and not isinstance(held, bool) and 0 <= held < 1e9
-    return int(held) if whole and held == int(held) else None
+    if isinstance(held, bool) or not isinstance(held, int | float) or not 0 <= held < 1e9:
+        return None
+    return int(held) if held == int(held) else None
 
 
 def _seen(values: object) -> bool:

@@ -6,16 +6,18 @@ import json
 import math
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
-from gesture_pose_files.files import COPY_AGAIN, open_keypoints
+from gesture_pose_files.files import COPY_AGAIN, head_of, open_keypoints
 
 MAX_DEPTH = 24
 # Possessive, and the closing quote optional: linear in whatever a hostile file holds.
+_HEAD_BYTES = 1 << 20
+_IMAGE_FIRST = re.compile(rb'\{\s*"[^"\\]{1,200}\.[A-Za-z]{3,4}"\s*:\s*\{')
 _STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)
 
 
@@ -40,6 +42,33 @@ def load(path: Path, max_bytes: int) -> Any:
         raise KeypointError(
             f"is not JSON: {error}", subject=name, remedy=COPY_AGAIN, code="E_KEYPOINTS_JSON"
         ) from error
+
+
+def kind_of(path: Path) -> Literal["frame", "list", "other"]:
+    """What a JSON file holds, by its first bytes: the people of one frame, or those of a whole clip.
+
+    Raises
+    ------
+    KeypointError
+        As `files.head_of`.
+    """
+    head = head_of(path, _HEAD_BYTES).lstrip(b"\xef\xbb\xbf \t\r\n")
+
+    def has(*keys: str) -> bool:
+        return all(b'"%s"' % key.encode() in head for key in keys)
+
+    people = has("people") or has("bodies")
+    if head.startswith(b"["):
+        if has("image_id", "keypoints") or has("frame_id", "instances") or head.strip() in (b"[]", b"[ ]"):
+            return "list"
+        return "frame" if has("keypoints", "keypoint_scores") or has("keypoints", "class") else "other"
+    if not head.startswith(b"{"):
+        return "other"
+    if _IMAGE_FIRST.match(head):
+        return "list" if people else "other"
+    if has("keypoints", "images", "annotations") or has("frame_id", "instances", "instance_info"):
+        return "list"
+    return "frame" if people or has("instances") or has("instance_info") or has("keypoints") else "other"
 
 
 def _depth(data: bytes) -> int:

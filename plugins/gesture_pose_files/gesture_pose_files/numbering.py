@@ -24,4 +24,4 @@ def number_in(name: str) -> tuple[str, int] | None:
     if dot and _SUFFIX.fullmatch(dot + suffix):
         name = stem
     match = _NUMBERED.fullmatch(name)
-    return (match[1].rstrip("_-. "), int(match[2])) if match else None
+    return (match[1].rstrip("_-. /\\"), int(match[2])) if match else None

@@ -17,13 +17,11 @@ from gesture_pose_files.files import (
     MAX_JSON_BYTES,
     check_options,
     check_size,
-    head_of,
 )
 from gesture_pose_files.json_people import Found, people_in
-from gesture_pose_files.json_text import load
+from gesture_pose_files.json_text import kind_of, load
 from gesture_pose_files.numbering import number_in
 
-_HEAD_BYTES = 1 << 14
 _LOOKED_AT = 3
 _EXPECTED = "frames such as wave_000000000000_keypoints.json or 0001.json, each with a list 'people'"
 
@@ -98,17 +96,12 @@ def _number(entry: os.DirEntry[str]) -> tuple[str, int] | None:
 
 
 def _looks_like_frame(path: str) -> bool:
-    """By the first bytes; a file that is cut short is a frame by its name."""
+    """By its first bytes; a file that is cut short, or cannot be read, by its name."""
     try:
-        head = head_of(Path(path), _HEAD_BYTES)
+        kind = kind_of(Path(path))
     except KeypointError:
         return True
-    if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"["):  # MMPose and Ultralytics write one frame so
-        person = b'"keypoints"' in head and (b'"keypoint_scores"' in head or b'"class"' in head)
-        return person and b'"frame_id"' not in head and b'"image_id"' not in head
-    named = os.fspath(path).lower().endswith("_keypoints.json")
-    keys = (b'"people"', b'"bodies"', b'"instances"', b'"pose_keypoints')
-    return named or any(key in head for key in keys)
+    return kind == "frame" or (kind == "other" and path.lower().endswith("_keypoints.json"))
 
 
 def _frame(file: Path) -> Found | KeypointError:
