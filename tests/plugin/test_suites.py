@@ -218,8 +218,8 @@ class Rows:
     """A right reader of files that begin with ``rows``; ``spoil`` makes it a wrong one."""
 
     spoil: Callable[[list[PoseSequence]], Any] = lambda found: found
-    fps: float = 30.0
-    assumed: str = "30 frames/s"
+    options: ReadOptions = ReadOptions()
+    assumed: str = "fps=30"
     taken: bytes = b"rows"
     names: tuple[str, ...] = ("",)
     errors: tuple[type[Exception], ...] = (OSError, ValueError)
@@ -240,7 +240,7 @@ class Rows:
                 raise ValueError(word)
         except self.errors as error:
             raise KeypointError(str(error)) from error
-        times, scores = np.arange(len(points)) / self.fps, np.ones(points.shape[:2])
+        times, scores = np.arange(len(points)) / self.options.rate, np.ones(points.shape[:2])
         assumed = {"assumed": self.assumed}
         found = [PoseSequence(points, scores, times, source=str(path), provenance=assumed)]
         return self.spoil(found)
