@@ -12,6 +12,7 @@ import pytest
 
 from gesture_core.errors import KeypointError, MediaError, PluginError, PoseError, SignalError
 from gesture_core.plugin.interfaces import Person, Video, VideoInfo, VideoLimits, VideoReport
+from gesture_core.plugin.reading import ReadOptions
 from gesture_core.run.workers.worker import Worker
 from gesture_core.skeletons import COCO18
 from gesture_core.testing import checks_for, draw_pose

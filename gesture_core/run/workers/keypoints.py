@@ -48,7 +48,7 @@ class Extracted:
     complete : bool
         No frame is known to be lost.
     notes : tuple of str
-        What was wrong with the input, where anything was.
+        What was wrong with the input, or is worth knowing of it.
     assumed : str
         What the input does not say and its reader assumed, where anything was.
     seconds : float
