@@ -391,6 +391,9 @@ class Row:
         ``ok``, ``degraded``, ``rejected``, ``skipped`` or ``error``.
     code, message : str
         Why, where the status is not ``ok``.
+    note : str
+        What the input does not say and was assumed, or what was done with it that its file name does not
+        tell: clauses, joined by semicolons; empty where there was nothing.
     frames_declared : int or None
         What the container claims.
     frames_read, frames_with_pose : int
@@ -415,6 +418,7 @@ class Row:
     status: Status = "error"
     code: str = ""
     message: str = ""
+    note: str = ""
     frames_declared: int | None = None
     frames_read: int = 0
     frames_with_pose: int = 0

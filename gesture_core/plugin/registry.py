@@ -256,6 +256,7 @@ def _refuse_unknown(entry: Registration, factory: Any, options: Mapping[str, Any
     known = _parameters(factory)
     if known is None:
         return
+    known = [name for name in known if name not in KINDS[entry.kind].filled]
     for option in options:
         if option not in known:
             near = difflib.get_close_matches(option, known, 1)

@@ -7,6 +7,7 @@ batches, and each input's rows are committed in one transaction.
 from __future__ import annotations
 
 import hashlib
+import re
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,6 +27,7 @@ from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.types import Job, Row
 
 _BATCH = 64
+_TIMES = re.compile(r" \(\d+ times\)$")
 _SECONDS_BETWEEN_BATCHES = 2.0
 _TOGETHER = 16
 """Inputs that are decided in one call: where it ends its process, each is decided alone."""
@@ -73,6 +75,9 @@ class RunSummary:
     assumed : mapping
         What files do not say and was assumed, such as the frames a second of keypoints without
         times, and of how many inputs and examples that this run looked at.
+    notes : mapping
+        What is worth knowing of inputs and examples that this run looked at and of which nothing is lost,
+        such as pixels that are not square, and of how many.
     classes : mapping
         Number of examples that can be used, by label.
     inputs_among_examples : int
@@ -91,6 +96,7 @@ class RunSummary:
     fingerprint: str = ""
     lost_classes: tuple[str, ...] = ()
     assumed: Mapping[str, int] = field(default_factory=dict)
+    notes: Mapping[str, int] = field(default_factory=dict)
     classes: Mapping[str, int] = field(default_factory=dict)
     inputs_among_examples: int = 0
     gone: int = 0
@@ -152,6 +158,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             fingerprint=plan.fingerprint,
             lost_classes=tuple(sorted(lost)),
             assumed=dict(run.assumed),
+            notes=dict(run.notes),
             classes=dict(sorted(classes.items())),
             inputs_among_examples=results.copies(set(plan.hashes.values()) - {""}),
             gone=plan.gone,
@@ -168,6 +175,7 @@ class _Run:
     frames: int = 0
     added: bool = False
     assumed: Counter[str] = field(default_factory=Counter)
+    notes: Counter[str] = field(default_factory=Counter)
 
     def work(self) -> None:
         """Extract, compare, commit, until nothing waits."""
@@ -208,6 +216,7 @@ class _Run:
             self.frames += 0 if found.cached else found.frames_read
             self.added |= bool(found.stored) and not found.cached
             self.assumed.update([found.assumed] if found.assumed else [])
+            self.notes.update(_TIMES.sub("", note) for note in found.notes if found.complete)
             yield item, found
 
     def _fit(self, found: Mapping[bytes, Extracted]) -> None:

@@ -69,6 +69,7 @@ def rows_of(
         seconds=found.seconds,
         attempts=found.attempts,
         plugin=found.plugin,
+        note=_note(found),
         fingerprint=fingerprint,
     )
     if found.code:
@@ -121,6 +122,12 @@ def _with_damage(row: Row, item: Input, found: Extracted) -> Row:
         message=f"{item.name}: {'; '.join(found.notes) or 'frames are missing'}; "
         f"kept: {found.frames_read} frames; try: repairing the file{otherwise}",
     )
+
+
+def _note(found: Extracted) -> str:
+    """What was assumed, and what was noted; where frames are lost, the message has the notes."""
+    assumed = [f"assumed: {found.assumed}"] if found.assumed else []
+    return "; ".join([*assumed, *(found.notes if found.complete else ())])
 
 
 def _about(item: Input, message: str) -> str:

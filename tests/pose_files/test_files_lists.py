@@ -13,6 +13,7 @@ from gesture_pose_files.openpose_json import OpenPoseJsonReader
 from gesture_pose_files.result_list import ResultListReader
 
 from gesture_core.errors import KeypointError
+from gesture_core.plugin.reading import ReadOptions
 
 FRAMES = 12
 BODIES = [person(17, (100 + 3 * number, 50), seed=1) for number in range(FRAMES)]
@@ -95,7 +96,7 @@ def write(path: Path, tree: Any) -> Path:
 @pytest.mark.parametrize("form", FORMS)
 def test_every_form_of_one_clip(tmp_path: Path, form: str) -> None:
     tree, kind = FORMS[form]
-    path, reader = write(tmp_path / "wave_0.json", tree), ResultListReader(fps=10)
+    path, reader = write(tmp_path / "wave_0.json", tree), ResultListReader(ReadOptions(fps=10))
     assert reader.accepts(path) and reader.members(path) == [""]
     assert not OpenPoseJsonReader().accepts(tmp_path), "its number is that of a clip, not of a frame"
     (sequence,) = reader.read(path)
@@ -112,7 +113,7 @@ def test_every_form_of_one_clip(tmp_path: Path, form: str) -> None:
     else:
         assert seen.all()
         np.testing.assert_allclose(sequence.scores, np.array(wanted)[..., 2], atol=1e-3)
-    assert sequence.provenance["assumed"] == "10 frames/s (pose.fps)"
+    assert sequence.provenance["assumed"] == f"order={kind}, unit=pixels"
 
 
 def test_images_are_in_the_order_of_their_numbers_and_empty_ones_count(tmp_path: Path) -> None:
@@ -123,7 +124,7 @@ def test_images_are_in_the_order_of_their_numbers_and_empty_ones_count(tmp_path:
     np.testing.assert_allclose(sequence.keypoints[10, 0], BODIES[10][0, :2], atol=2e-3)
     assert not sequence.seen[3:5].any()
     every_third = [{**entry, "image_id": f"{3 * n}.jpg"} for n, entry in enumerate(alphapose(BODIES))]
-    (sequence,) = ResultListReader(fps=30).read(write(tmp_path / "b.json", every_third))
+    (sequence,) = ResultListReader(ReadOptions(fps=30)).read(write(tmp_path / "b.json", every_third))
     assert len(sequence) == FRAMES
     np.testing.assert_allclose(np.diff(sequence.times), 0.1)
 

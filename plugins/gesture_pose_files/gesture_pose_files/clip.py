@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.interfaces import Person
+from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.files import MAX_FRAMES
 from gesture_pose_files.json_people import Found
-from gesture_pose_files.layout import (
-    BY_COUNT,
-    are_shares,
-    assumed_picture,
-    assumed_rate,
-    check_seconds,
-)
+from gesture_pose_files.layout import BY_COUNT, are_shares, check_seconds, sequence
 from gesture_pose_files.people import tracks
 from gesture_pose_files.scores import in_unit
 
@@ -40,6 +36,8 @@ class Clip:
         An empty one where the frame cannot be read.
     lost : list of KeypointError
         Why frames cannot be read.
+    said : collection of int
+        Numbers of joints whose order the format itself says.
     """
 
     source: str
@@ -47,6 +45,7 @@ class Clip:
     numbers: list[int] = field(default_factory=list)
     frames: list[Found] = field(default_factory=list)
     lost: list[KeypointError] = field(default_factory=list)
+    said: Collection[int] = ()
 
     def add(self, number: int, found: Found | KeypointError) -> None:
         """A further frame, or why it cannot be read; then it counts as one in which nobody was found.
@@ -80,15 +79,11 @@ class Clip:
         self.frames = [known.get(number, Found()) for number in self.numbers]
 
     def sequences(
-        self,
-        fps: float,
-        people: str,
-        frame_size: tuple[int, int],
-        size: tuple[int, int] | None = None,
+        self, options: ReadOptions, people: str, size: tuple[int, int] | None = None
     ) -> list[PoseSequence]:
         """One sequence, or one for each person where ``people`` is ``"multi"``.
 
-        ``size`` is that of the picture where the file tells it; ``frame_size`` what is assumed otherwise.
+        ``size`` is that of the picture where the file tells it.
 
         Raises
         ------
@@ -99,39 +94,46 @@ class Clip:
         if self.lost and len(self.lost) == len(self.frames):
             raise self.lost[0]
         joints = self._one_layout()
-        body = BY_COUNT[joints]
-        times = np.array(self.numbers, np.float64) / fps
-        check_seconds(times, self.source, remedy="frame numbers that count frames, or --set pose.fps=…")
+        numbers = np.array(self.numbers, np.float64)
+        check_seconds(
+            numbers / options.rate,
+            self.source,
+            remedy="frame numbers that count frames, or --set keypoints.fps=…",
+        )
         notes = sorted({note for frame in self.frames for note in frame.notes})
         every = [one for frame in self.frames for one in frame.people]
-        provenance = {
-            "reader": self.reader,
-            "times": f"frame numbers at {fps:g} frames/s",
-            "assumed": assumed_rate(fps),
-        }
+        shares = False
         if every:
             points = np.stack([one.keypoints for one in every])
             scores, note = in_unit(np.stack([one.scores for one in every]), points, self.source)
             notes += [note] if note else []
-            if are_shares(points):
-                used = size or frame_size
-                points = points * np.array(used, np.float32)
-                provenance["scaled"] = f"shares of {used[0]} x {used[1]} pixels"
-                provenance["assumed"] += "" if size else f", {assumed_picture(used)}"
+            shares = are_shares(points, centred=True)
             every = [Person(*pair) for pair in zip(points, scores, strict=True)]
-        if self.lost:
-            provenance["lost"] = (
-                f"{len(self.lost)} of {len(self.frames)} frames cannot be read: {self.lost[0].message}"
-            )
-        if notes:
-            provenance["notes"] = "; ".join(notes)
         rest = iter(every)
         frames = [[next(rest) for _ in frame.people] for frame in self.frames]
         identities = [frame.identities for frame in self.frames]
-        return [
-            PoseSequence(points, scores, times, body.name, size, person, self.source, provenance)
+        found = [
+            sequence(
+                points,
+                options,
+                source=self.source,
+                reader=self.reader,
+                scores=scores,
+                numbers=numbers,
+                body=BY_COUNT[joints] if joints in self.said else None,
+                axes="xy",
+                unit="shares" if shares else "pixels",
+                frame_size=size,
+                person=person,
+                notes=notes,
+            )
             for person, (points, scores) in enumerate(tracks(frames, joints, people, identities))
         ]
+        if self.lost:
+            first = f"{self.lost[0].subject}: {self.lost[0].cause}"
+            lost = f"{len(self.lost)} of {len(self.frames)} frames cannot be read: {first}"
+            found = [replace(one, provenance={**one.provenance, "lost": lost}) for one in found]
+        return found
 
     def _one_layout(self) -> int:
         """The number of joints of nearly all frames; the others count as lost."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.interfaces import Person
+from gesture_core.plugin.reading import ReadOptions
 from gesture_pose_files.whole_body import body_of, known_counts
 
 _LARGEST = 1e7
@@ -53,8 +54,8 @@ def is_frame(tree: object) -> bool:
     return _people(tree) is not None
 
 
-def people_in(frame: object, name: str) -> Found:
-    """The people in a parsed frame.
+def people_in(frame: object, name: str, options: ReadOptions) -> Found:
+    """The people in a parsed frame; ``options`` may name an order of other than the known joints.
 
     Raises
     ------
@@ -68,7 +69,7 @@ def people_in(frame: object, name: str) -> Found:
     for number, person in enumerate(people):
         if not isinstance(person, Mapping):
             raise _refused(f"person {number} is no object with keypoints", name)
-        joints = _joints(person, number, name)
+        joints = _joints(person, number, name, options)
         if joints is None:
             continue
         counts[len(joints)] += 1
@@ -98,7 +99,7 @@ def _people(frame: object) -> list[Any] | None:
     return None
 
 
-def _joints(person: Mapping[str, Any], number: int, name: str) -> np.ndarray | None:
+def _joints(person: Mapping[str, Any], number: int, name: str, options: ReadOptions) -> np.ndarray | None:
     """(J, 3) float32 of x, y, score, of the part of the layout that is used; None where there is nobody."""
     key = next((key for key in _KEYPOINTS if key in person), None)
     held = person[key] if key else None
@@ -123,10 +124,11 @@ def _joints(person: Mapping[str, Any], number: int, name: str) -> np.ndarray | N
     else:
         width = 2 if scores is not None and len(held) == 2 * len(scores) else 3
         count, values = len(held) // width, held
-    used = body_of(count) if len(values) == width * count else None
+    used = body_of(count, options) if len(values) == width * count else None
     if used is None:
         raise _refused(
-            f"person {number} has {len(values)} values, expected three for each of {known_counts()} joints",
+            f"person {number} has {len(values)} values, "
+            f"expected three for each of {known_counts(options)} joints",
             name,
         )
     joints = _numbers(values[: used * width], number, name).reshape(used, width)

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
+from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.clip import Clip
 from gesture_pose_files.files import (
     MAX_FRAMES,
     MAX_JSON_BYTES,
-    check_options,
-    check_size,
+    check_people,
 )
 from gesture_pose_files.json_people import Found, people_in
 from gesture_pose_files.json_text import kind_of, load
 from gesture_pose_files.numbering import number_in
 
 _LOOKED_AT = 3
+# Of OpenPose's own networks; of 17, 26 and 133 joints in its frame, the order is what other tools use.
+_SAID = (15, 18, 25)
 _EXPECTED = "frames such as wave_000000000000_keypoints.json or 0001.json, each with a list 'people'"
 
 
@@ -36,24 +38,18 @@ class OpenPoseJsonReader:
 
     Attributes
     ----------
-    fps : float
-        Frames a second of the video; the files do not say. A frame's time is its number over this, so
-        that frames that were left out stay gaps in time.
+    options : ReadOptions
+        What the files leave open. A frame's time is its number over the rate, so that frames that were left
+        out stay gaps in time. Shares (OpenPose's ``--keypoint_scale 3`` and ``4``) are told from pixels.
     people : "single" or "multi"
         One sequence with the most persistent person, or one for each person.
-    frame_size : (width, height)
-        The picture that x and y are multiplied with where they are shares of its width and height
-        (OpenPose's ``--keypoint_scale 3`` and ``4``). The files do not say; only the ratio of the two
-        changes a gesture, 4:3 by default.
     """
 
-    fps: float = 30.0
+    options: ReadOptions = field(default_factory=ReadOptions)
     people: str = "single"
-    frame_size: tuple[int, int] = (640, 480)
 
     def __post_init__(self) -> None:
-        check_options(self.fps, self.people)
-        object.__setattr__(self, "frame_size", check_size(self.frame_size))
+        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is a folder that holds a numbered JSON file that looks like a frame."""
@@ -85,10 +81,10 @@ class OpenPoseJsonReader:
             `E_KEYPOINTS_MEMBER`, `E_KEYPOINTS_LIMIT`, and those of `clip.Clip`; where no frame can be
             read, those of the first.
         """
-        clip = Clip(printable(path) + (f"::{member}" if member else ""), "openpose-json")
+        clip = Clip(printable(path) + (f"::{member}" if member else ""), "openpose-json", said=_SAID)
         for number, file in _choose(path, member):
-            clip.add(number, _frame(file))
-        return clip.sequences(self.fps, self.people, self.frame_size)
+            clip.add(number, _frame(file, self.options))
+        return clip.sequences(self.options, self.people)
 
 
 def _number(entry: os.DirEntry[str]) -> tuple[str, int] | None:
@@ -104,9 +100,9 @@ def _looks_like_frame(path: str) -> bool:
     return kind == "frame" or (kind == "other" and path.lower().endswith("_keypoints.json"))
 
 
-def _frame(file: Path) -> Found | KeypointError:
+def _frame(file: Path, options: ReadOptions) -> Found | KeypointError:
     try:
-        return people_in(load(file, MAX_JSON_BYTES), printable(file))
+        return people_in(load(file, MAX_JSON_BYTES), printable(file), options)
     except KeypointError as error:  # a new one: the traceback of this would keep what was read
         return KeypointError(error.cause, subject=error.subject, remedy=error.remedy, code=error.code)
 

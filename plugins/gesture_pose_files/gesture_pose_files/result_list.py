@@ -9,9 +9,10 @@ from typing import Any
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
+from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.clip import Clip
-from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES, check_options, check_size
+from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES, check_people
 from gesture_pose_files.json_people import Found, is_frame, people_in
 from gesture_pose_files.json_text import kind_of, load
 from gesture_pose_files.numbering import number_in
@@ -35,22 +36,18 @@ class ResultListReader:
 
     Attributes
     ----------
-    fps : float
-        Frames a second of the video; the files do not say.
+    options : ReadOptions
+        What the file leaves open; a frame's time is its number over the rate.
     people : "single" or "multi"
         The person with the highest scores, or everybody; told apart by ``idx`` or ``track_id`` where
         everybody has one, by place otherwise.
-    frame_size : (width, height)
-        Of the picture that shares of width and height are of.
     """
 
-    fps: float = 30.0
+    options: ReadOptions = field(default_factory=ReadOptions)
     people: str = "single"
-    frame_size: tuple[int, int] = (640, 480)
 
     def __post_init__(self) -> None:
-        check_options(self.fps, self.people)
-        object.__setattr__(self, "frame_size", check_size(self.frame_size))
+        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether a ``.json`` file begins like one of the known lists."""
@@ -88,11 +85,11 @@ class ResultListReader:
         source = printable(path) + (f"::{member}" if member else "")
         clip = Clip(source, "result-list")
         for image in sorted(images.values(), key=lambda image: image.number):
-            clip.add(image.number, image.found(source))
+            clip.add(image.number, image.found(source, self.options))
         clip.fill()
         sizes = {image.size for image in images.values()}
         size = next(iter(sizes)) if len(sizes) == 1 else None
-        return clip.sequences(self.fps, self.people, self.frame_size, size)
+        return clip.sequences(self.options, self.people, size)
 
 
 @dataclass
@@ -104,9 +101,9 @@ class _Image:
     size: tuple[int, int] | None = None
     people: list[Any] = field(default_factory=list)
 
-    def found(self, source: str) -> Found | KeypointError:
+    def found(self, source: str, options: ReadOptions) -> Found | KeypointError:
         try:
-            return people_in(self.people, f"{source}: image {self.name}")
+            return people_in(self.people, f"{source}: image {self.name}", options)
         except KeypointError as error:
             return error
 
