@@ -1,4 +1,4 @@
-"""Names of joints as files write them: ``LShoulder``, ``shoulder_l``, ``LEFT SHOULDER`` are `left_shoulder`."""
+"""Names of joints as files write them: ``LShoulder``, ``shoulder_l`` and ``LEFT SHOULDER`` are one joint."""
 
 from __future__ import annotations
 

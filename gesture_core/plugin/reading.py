@@ -1,4 +1,4 @@
-"""What keypoint files leave open, said once for all keypoint readers: the section ``keypoints`` of the settings."""
+"""What keypoint files leave open, said once for all keypoint readers: the settings ``keypoints.…``."""
 
 from __future__ import annotations
 

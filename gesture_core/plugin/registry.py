@@ -213,7 +213,7 @@ class Registry:
         known = _parameters(self.load(kind, name))
         return known is None or option in known
 
-    def make(self, kind: str, name: str, options: Mapping[str, Any] | None = None, **fixed: Any) -> Any:
+    def make(self, kind: str, name: str, options: Mapping[str, Any] | None = None, /, **fixed: Any) -> Any:
         """Construct a plugin with ``options`` as keyword arguments.
 
         Raises

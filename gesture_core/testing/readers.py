@@ -91,7 +91,7 @@ def check_reader_sequences(reader: KeypointReader, sample: Path) -> None:
 
 
 def check_reader_rate(reader: KeypointReader, sample: Path) -> None:
-    """A reader that takes ``options`` uses their rate where the file has no times, and says what it assumes."""
+    """A reader that takes ``options`` uses their rate where the file has no times, and says so."""
     name = type(reader).__name__
     if not is_dataclass(reader) or "options" not in {option.name for option in fields(reader)}:
         return

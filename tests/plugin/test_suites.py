@@ -219,7 +219,7 @@ class Rows:
     """A right reader of files that begin with ``rows``; ``spoil`` makes it a wrong one."""
 
     spoil: Callable[[list[PoseSequence]], Any] = lambda found: found
-    options: ReadOptions = ReadOptions()
+    options: ReadOptions = field(default_factory=ReadOptions)
     assumed: str = "fps=30"
     taken: bytes = b"rows"
     names: tuple[str, ...] = ("",)

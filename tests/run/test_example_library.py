@@ -150,7 +150,9 @@ def test_what_files_do_not_say_is_counted_as_assumed(folder: Path) -> None:
     done = gesture(
         "classify", folder / "videos", "--examples", folder / "examples", "--out", folder / "third"
     )
-    assert json.loads(done.stderr.splitlines()[-1])["assumed"] == {"order=coco18, axes=xy, unit=pixels, fps=30": 1}
+    assert json.loads(done.stderr.splitlines()[-1])["assumed"] == {
+        "order=coco18, axes=xy, unit=pixels, fps=30": 1
+    }
 
 
 def test_the_same_movement_in_another_file_under_another_label_is_said(folder: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
 from gesture_core.plugin.reading import ReadOptions
-from gesture_core.skeletons import SKELETONS, Skeleton
+from gesture_core.skeletons import SKELETONS, Skeleton, skeleton_of
 from gesture_core.types import PoseSequence
 from gesture_pose_files.files import (
     MAX_CSV_BYTES,
@@ -170,9 +170,9 @@ def _columns(cells: Sequence[str]) -> _Columns | None:
     joints = [name[:-2] for name in names if name.endswith("_x") and name[:-2] + "_y" in where]
     if len(joints) < _MIN_JOINTS:
         return None
-    body = next((kind for kind in SKELETONS.values() if set(joints) <= set(kind.joints)), None)
-    if body is None:
+    if not set(joints) <= {joint for kind in SKELETONS.values() for joint in kind.joints}:
         return None
+    body = skeleton_of(joints)
     x, y, score = (tuple(where.get(joint + part) for joint in body.joints) for part in _PARTS)
     return _Columns(body, x, y, score, where.get("time"), where.get("frame"), where.get("person"))
 
