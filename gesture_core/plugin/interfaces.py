@@ -25,13 +25,20 @@ if TYPE_CHECKING:
 class Kind:
     """A kind of plugin: its name in the registry, its hook, and its name in sentences.
 
-    ``given`` are parameters that the program fills in, so that they are no options.
+    ``given`` are parameters that the program fills in, so that they are no options; ``offered`` are
+    those that it fills in where a class takes them.
     """
 
     name: str
     hook: str
     title: str
     given: tuple[str, ...] = ()
+    offered: tuple[str, ...] = ()
+
+    @property
+    def filled(self) -> tuple[str, ...]:
+        """Parameters that are no options."""
+        return self.given + self.offered
 
 
 KINDS: Mapping[str, Kind] = {
@@ -39,7 +46,7 @@ KINDS: Mapping[str, Kind] = {
     for kind in (
         Kind("video", "register_video_readers", "video reader"),
         Kind("pose", "register_pose_backends", "pose backend", ("model",)),
-        Kind("reader", "register_keypoint_readers", "keypoint reader"),
+        Kind("reader", "register_keypoint_readers", "keypoint reader", (), ("options", "people")),
         Kind("normalizer", "register_normalizers", "normalizer"),
         Kind("filter", "register_filters", "filter"),
         Kind("selector", "register_selectors", "dimension selector"),
@@ -264,9 +271,14 @@ class Traceable(Protocol):
 class KeypointReader(Protocol):
     """Reads ready-made keypoint files.
 
-    A reader whose options include ``fps`` or ``people`` is given those of the section [pose]. What a
-    file does not say and the reader assumes, such as the frames a second, is named in
-    ``PoseSequence.provenance["assumed"]``; the end of a run says for how many files.
+    A reader whose constructor takes ``options`` (a `gesture_core.plugin.reading.ReadOptions`) is given what
+    the user says of files that leave it open: axes, unit, frame size, order of the joints, rate. One that
+    takes ``people`` is given ``pose.people``. A reader of files that say everything themselves needs neither.
+
+    What is assumed of a file that leaves it open is named in ``PoseSequence.provenance["assumed"]``, which
+    `ReadOptions.assumed` writes; what of a file is not used, or was put right, in ``provenance["notes"]``,
+    clauses separated by ``"; "``. Both stand in the row, and the end of a run says of how many files.
+    ``provenance["unit"]`` is ``metres`` where coordinates are no pixels.
     """
 
     def accepts(self, path: Path) -> bool:

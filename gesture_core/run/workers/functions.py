@@ -14,6 +14,7 @@ from typing import Any
 
 from gesture_core.errors import GestureError, PluginError, PoseError
 from gesture_core.plugin.registry import calling, registry
+from gesture_core.run.workers.keypoints import open_reader
 from gesture_core.run.workers.worker import Worker
 
 Answer = bool | tuple[str, str]
@@ -77,7 +78,7 @@ def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
     for path in paths:
         try:
             with calling(registry().find("reader", reader), passing=(OSError,)):
-                answers.append(bool(registry().make("reader", reader).accepts(decoded(path))))
+                answers.append(bool(open_reader(reader, worker.settings).accepts(decoded(path))))
         except GestureError as error:
             answers.append((error.code, error.cause))
         except OSError as error:
@@ -91,7 +92,7 @@ def members(worker: Worker, reader: str, path: str) -> list[str]:
     """Names of the sequences in a file or folder, one at least."""
     entry = registry().find("reader", reader)
     with calling(entry):
-        found = list(registry().make("reader", reader).members(decoded(path)))
+        found = list(open_reader(reader, worker.settings).members(decoded(path)))
     if not found or not all(isinstance(member, str) for member in found):
         cause = f"{entry} says that its members are {str(found)[:80]}"
         raise PluginError(cause, code="E_PLUGIN_CONTRACT")

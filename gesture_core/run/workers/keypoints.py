@@ -21,7 +21,7 @@ from gesture_core.types import Job, PoseSequence
 if TYPE_CHECKING:
     import numpy as np
 
-    from gesture_core.plugin.interfaces import PoseBackend
+    from gesture_core.plugin.interfaces import KeypointReader, PoseBackend
 
 _REPORT_SECONDS = 0.5
 
@@ -193,9 +193,7 @@ class KeypointExtractor:
             stored = read_keypoints(path)
             sequences, known = stored.sequences, dict(stored.facts)
         else:
-            shared = {"fps": pose.fps, "people": pose.people}
-            options = {key: one for key, one in shared.items() if registry().takes("reader", name, key)}
-            reader = registry().make("reader", name, options | self._settings.plugin_options(name))
+            reader = open_reader(name, self._settings)
             with calling(registry().find("reader", name), passing=(OSError,)):
                 sequences = [_checked(sequence) for sequence in reader.read(path, member)]
         if pose.score is not None:
@@ -218,7 +216,7 @@ class KeypointExtractor:
             "frames_declared": None,
             "frames_read": frames,
             "complete": True,
-            "notes": [],
+            "notes": sorted({note for one in sequences for note in _notes(one)}),
             "seconds": seconds,
             "assumed": str(sequences[0].provenance.get("assumed", "")) if sequences else "",
         }
@@ -237,10 +235,23 @@ class KeypointExtractor:
         return open_backend(self._settings, self._job.threads)
 
 
+def open_reader(name: str, settings: Settings) -> KeypointReader:
+    """A keypoint reader with what the settings say of its files."""
+    offered = {"options": settings.keypoints, "people": settings.pose.people}
+    taken = {key: one for key, one in offered.items() if registry().takes("reader", name, key)}
+    reader: KeypointReader = registry().make("reader", name, settings.plugin_options(name), **taken)
+    return reader
+
+
 def _checked(sequence: object) -> PoseSequence:
     if not isinstance(sequence, PoseSequence):
         raise TypeError(f"{type(sequence).__name__} instead of a PoseSequence")
     return sequence
+
+
+def _notes(sequence: PoseSequence) -> list[str]:
+    """The clauses of what its reader noted."""
+    return [note for note in sequence.provenance.get("notes", "").split("; ") if note]
 
 
 def _above(sequence: PoseSequence, score: float) -> PoseSequence:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +12,12 @@ import numpy as np
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
 from gesture_core.plugin.interfaces import Person
+from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import BODY25, skeleton
 from gesture_core.types import PoseSequence
-from gesture_pose_files.files import MAX_FRAMES, check_options, check_size
+from gesture_pose_files.files import MAX_FRAMES, check_people
 from gesture_pose_files.json_frame import read_frame
-from gesture_pose_files.layout import are_shares, assumed_picture, assumed_rate
+from gesture_pose_files.layout import are_shares, sequence
 from gesture_pose_files.people import tracks
 
 _NAME = re.compile(r"(.*)_(\d{12})_keypoints\.json", re.DOTALL)
@@ -30,24 +31,18 @@ class OpenPoseJsonReader:
 
     Attributes
     ----------
-    fps : float
-        Frames a second of the video; the files do not say. A frame's time is its number over this, so
-        that frames that were left out stay gaps in time.
+    options : ReadOptions
+        What the files leave open. A frame's time is its number over the rate, so that frames that were left
+        out stay gaps in time. Shares (OpenPose's ``--keypoint_scale 3`` and ``4``) are told from pixels.
     people : "single" or "multi"
         One sequence with the most persistent person, or one for each person.
-    frame_size : (width, height)
-        The picture that x and y are multiplied with where they are shares of its width and height
-        (OpenPose's ``--keypoint_scale 3`` and ``4``). The files do not say; only the ratio of the two
-        changes a gesture, 4:3 by default.
     """
 
-    fps: float = 30.0
+    options: ReadOptions = field(default_factory=ReadOptions)
     people: str = "single"
-    frame_size: tuple[int, int] = (640, 480)
 
     def __post_init__(self) -> None:
-        check_options(self.fps, self.people)
-        object.__setattr__(self, "frame_size", check_size(self.frame_size))
+        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is a folder that holds at least one frame."""
@@ -93,20 +88,23 @@ class OpenPoseJsonReader:
             kind = kind or frame_kind
             frames.append(people)
         body = skeleton(kind or BODY25.name)
-        times = np.array([number for number, _ in numbered], np.float64) / self.fps
-        provenance = {
-            "reader": "openpose-json",
-            "times": f"frame numbers at {self.fps:g} frames/s",
-            "assumed": assumed_rate(self.fps),
-        }
+        if self.options.skeleton and len(self.options.skeleton.joints) == len(body.joints):
+            body = self.options.skeleton
         every = [one.keypoints for frame in frames for one in frame]
-        if every and are_shares(np.stack(every)):
-            size = np.array(self.frame_size, np.float32)
-            frames = [[Person(one.keypoints * size, one.scores) for one in frame] for frame in frames]
-            provenance["scaled"] = f"shares of {self.frame_size[0]} x {self.frame_size[1]} pixels"
-            provenance["assumed"] += f", {assumed_picture(self.frame_size)}"
+        shares = bool(every) and are_shares(np.stack(every), centred=True)
         return [
-            PoseSequence(points, scores, times, body.name, None, person, source, provenance)
+            sequence(
+                points,
+                self.options,
+                source=source,
+                reader="openpose-json",
+                scores=scores,
+                numbers=np.array([number for number, _ in numbered], np.float64),
+                body=body,
+                axes="xy",
+                unit="shares" if shares else "pixels",
+                person=person,
+            )
             for person, (points, scores) in enumerate(tracks(frames, len(body.joints), self.people))
         ]
 
