@@ -300,6 +300,18 @@ class KeypointReader(Protocol):
 
 
 @runtime_checkable
+class ExplainsRefusal(Protocol):
+    """A keypoint reader that says of a file with one of its suffixes why it does not take it."""
+
+    def refusal(self, path: Path) -> str:
+        """Why `KeypointReader.accepts` is false for ``path``, quoting what it begins with.
+
+        Empty where the file is nothing like its own, so that another reader's reason is the better one.
+        """
+        ...
+
+
+@runtime_checkable
 class Normalizer(Protocol):
     """Brings keypoints into the body's own frame of reference."""
 

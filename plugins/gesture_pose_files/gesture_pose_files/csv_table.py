@@ -29,6 +29,7 @@ _MAX_LINE = 1 << 16
 _SUFFIXES = (".csv", ".tsv")
 _PARTS = ("_x", "_y", "_score")
 _MIN_JOINTS = 2
+_SHOWN = 100
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,15 @@ class CsvReader:
             return False
         cells = _cells(lines[0], _delimiter(lines[0]))
         return _is_bare(cells, self.options) or _columns(cells) is not None
+
+    def refusal(self, path: Path) -> str:
+        """The header, which names no joints."""
+        lines = head_of(path, _HEAD_BYTES).decode("utf-8-sig", "replace").splitlines()
+        header = next((line for line in lines if line.strip()), "")
+        if not header:
+            return "it is empty"
+        shown = printable(header[:_SHOWN]) + ("…" if len(header) > _SHOWN else "")
+        return f"its header {shown!r} names no joints, and is no row of keypoints"
 
     def members(self, path: Path) -> list[str]:
         """``[""]``: a table is one sequence."""

@@ -22,7 +22,7 @@ def register_keypoint_readers(register: Register) -> None:
         "arrays",
         "gesture_pose_files.arrays:ArrayReader",
         summary="keypoints in .npz or .npy arrays, COCO, BODY_25, MPI or MediaPipe layout",
-        suffixes=(".npy", ".npz"),
+        suffixes=(".npy", ".npz", ".pkl", ".pickle", ".joblib"),
     )
     register(
         "csv",

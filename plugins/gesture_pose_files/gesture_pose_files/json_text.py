@@ -71,6 +71,20 @@ def kind_of(path: Path) -> Literal["frame", "list", "other"]:
     return "frame" if people or has("instances") or has("instance_info") or has("keypoints") else "other"
 
 
+def described(path: Path) -> str:
+    """What a JSON file begins with, for a message."""
+    head = head_of(path, 4096).lstrip(b"\xef\xbb\xbf \t\r\n").decode("utf-8", "replace")
+    if not head:
+        return "it is empty"
+    if head[0] not in "[{":
+        return f"it is not JSON, it begins with {head[:20]!r}"
+    keys = list(dict.fromkeys(re.findall(r'"([^"\\]{1,40})"\s*:', head)))
+    what = "a list" if head[0] == "[" else "an object"
+    more = ", …" if keys[6:] else ""
+    named = f" with {', '.join(map(repr, keys[:6]))}{more}" if keys else ""
+    return f"it is {what}{named}"
+
+
 def _depth(data: bytes) -> int:
     codes = np.frombuffer(_STRING.sub(b"", data), np.uint8)
     steps = np.zeros(len(codes), np.int8)

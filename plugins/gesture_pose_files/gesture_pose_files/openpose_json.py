@@ -60,6 +60,12 @@ class OpenPoseJsonReader:
             return False
         return any(map(_looks_like_frame, frames))
 
+    def refusal(self, path: Path) -> str:
+        """That a file is one frame, where it is; empty otherwise."""
+        if kind_of(path) != "frame":
+            return ""
+        return "it is one frame, and a clip is a folder of them, numbered as wave_000000000012_keypoints.json"
+
     def members(self, path: Path) -> list[str]:
         """Names of the sequences in the folder; ``[""]`` where there is only one."""
         names = list(_sequences(path))

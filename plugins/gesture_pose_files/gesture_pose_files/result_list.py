@@ -14,12 +14,12 @@ from gesture_core.types import PoseSequence
 from gesture_pose_files.clip import Clip
 from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES, check_people
 from gesture_pose_files.json_people import Found, is_frame, people_in
-from gesture_pose_files.json_text import kind_of, load
+from gesture_pose_files.json_text import described, kind_of, load
 from gesture_pose_files.numbering import number_in
 
 KNOWN = (
-    "a list of {image_id, keypoints} (AlphaPose, COCO results) or of {frame_id, instances} (MMPose), "
-    "an object of image names (AlphaPose open, cmu), or COCO annotations"
+    "list of 'image_id' and 'keypoints' (AlphaPose, COCO) or of 'frame_id' and 'instances' (MMPose), "
+    "object of image names (AlphaPose), or COCO annotations"
 )
 
 
@@ -52,6 +52,10 @@ class ResultListReader:
     def accepts(self, path: Path) -> bool:
         """Whether a ``.json`` file begins like one of the known lists."""
         return path.suffix.lower() == ".json" and kind_of(path) == "list"
+
+    def refusal(self, path: Path) -> str:
+        """What the file begins with, and what is known; nothing where it is a frame."""
+        return "" if kind_of(path) == "frame" else f"{described(path)}, and no {KNOWN}"
 
     def members(self, path: Path) -> list[str]:
         """Names of the clips in the list; ``[""]`` where there is only one."""
@@ -193,5 +197,5 @@ def _size(image: Mapping[str, Any]) -> tuple[int, int] | None:
 
 def _unknown(source: str) -> KeypointError:
     return KeypointError(
-        "is no known list of people", subject=source, remedy=KNOWN, code="E_KEYPOINTS_FORMAT"
+        "is no known list of people", subject=source, remedy=f"a {KNOWN}", code="E_KEYPOINTS_FORMAT"
     )
