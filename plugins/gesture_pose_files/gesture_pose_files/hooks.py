@@ -30,3 +30,31 @@ def register_keypoint_readers(register: Register) -> None:
         summary="keypoints in CSV, with or without a header",
         suffixes=(".csv", ".tsv"),
     )
+    register(
+        "deeplabcut-csv",
+        "gesture_pose_files.deeplabcut:DeepLabCutCsvReader",
+        summary="the CSV files of DeepLabCut, of one individual or several",
+        suffixes=(".csv", ".tsv"),
+    )
+    register(
+        "hdf5",
+        "gesture_pose_files.hdf5:Hdf5Reader",
+        needs=("h5py",),
+        extra="hdf5",
+        summary="analysis files of SLEAP and tables of DeepLabCut in HDF5",
+        suffixes=(".h5", ".hdf5"),
+    )
+    register(
+        "pose-format",
+        "gesture_pose_files.pose_format_file:PoseFormatReader",
+        needs=("pose_format",),
+        extra="pose-format",
+        summary="the .pose files of pose-format",
+        suffixes=(".pose",),
+    )
+    register(
+        "trc",
+        "gesture_pose_files.trc:TrcReader",
+        summary="marker files of Sports2D and Pose2Sim (OpenSim's .trc)",
+        suffixes=(".trc",),
+    )
