@@ -167,7 +167,7 @@ def test_deeplabcut_hdf5(tmp_path: Path, write: Callable[[Path, list[str]], Path
 def test_individuals_of_deeplabcut(tmp_path: Path) -> None:
     pytest.importorskip("h5py")
     both = ["ind1", "ind2"]
-    paths = {
+    paths: dict[Path, type[DeepLabCutCsvReader | Hdf5Reader]] = {
         write_csv(tmp_path / "a.csv", both): DeepLabCutCsvReader,
         write_table(tmp_path / "a.h5", both): Hdf5Reader,
         write_fixed(tmp_path / "b.h5", both): Hdf5Reader,
