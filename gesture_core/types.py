@@ -393,7 +393,12 @@ class Row:
         Why, where the status is not ``ok``.
     frames_declared : int or None
         What the container claims.
-    frames_read, frames_with_pose : int
+    frames_read : int
+        All that were decoded.
+    frames_looked_at : int
+        Those of them in which people were looked for (``pose.rate``).
+    frames_with_pose : int
+        Those of them in which this person was found.
     seconds : float
         Length of what was read.
     selected : tuple of str
@@ -417,6 +422,7 @@ class Row:
     message: str = ""
     frames_declared: int | None = None
     frames_read: int = 0
+    frames_looked_at: int = 0
     frames_with_pose: int = 0
     seconds: float = 0.0
     selected: tuple[str, ...] = ()
