@@ -124,7 +124,7 @@ class VideoReport:
     frames_declared : int or None
         As in `VideoInfo`.
     frames_read : int
-        Frames that were handed out.
+        Frames that were decoded, whether anybody looked at them or not.
     damaged : int
         Corrupt packets and frames, decoding errors, and frames that are known to be lost.
     complete : bool
@@ -165,6 +165,23 @@ class Video(Protocol):
     def __enter__(self) -> Video: ...
 
     def __exit__(self, *error: object) -> None: ...
+
+
+@runtime_checkable
+class LazyFrames(Protocol):
+    """Frames that are converted when they are asked for: what a `Video` may offer besides its iteration.
+
+    Where only some frames are looked at (``pose.rate``), the others are decoded and counted all the same,
+    and cost nothing more.
+    """
+
+    def pictures(self) -> Iterator[tuple[float, Callable[[], np.ndarray | None]]]:
+        """Yield ``(seconds, convert)`` instead of iterating: ``convert()`` is the frame that iteration gives.
+
+        It is None where the frame cannot be converted, which the report counts as damage. To be called
+        before the next frame is asked for.
+        """
+        ...
 
 
 @runtime_checkable

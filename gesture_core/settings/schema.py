@@ -46,6 +46,9 @@ class PoseSettings(_Section):
     height : int or None
         Height in pixels that a picture is scaled to, for networks that take any size; None leaves it
         to the network's contract.
+    rate : None or float
+        Frames of a video that are looked at in a second, at most, chosen by their time stamps; none or 0:
+        every frame. All are decoded and counted.
     follow : bool or None
         Crop to the person and follow them; None lets the model decide.
     score : None or float
@@ -63,6 +66,7 @@ class PoseSettings(_Section):
     target: Literal["auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16", "vulkan"] = "auto"
     people: Literal["single", "multi"] = "single"
     height: int | None = None
+    rate: float | None = 15.0
     follow: bool | None = None
     score: float | None = None
     reader: str = "auto"
@@ -201,6 +205,7 @@ SECTIONS: Mapping[str, type] = {
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "pose.height": (32, 4096),
+    "pose.rate": (0, 100_000),
     "pose.score": (0, 1),
     "pose.fps": (0.001, 100_000),
     "signals.max_gap": (0, _INFINITE),
