@@ -31,8 +31,8 @@ class ReadOptions:
     axes : None, "xy", "yx" or "x-y"
         Order of the two coordinates of a joint: x first, y first, or x first with a y that points up.
     unit : None, "pixels", "shares" or "metres"
-        Of the coordinates: pixels (or any other unit that is the same in x and y), shares of the
-        picture's width and height, or metres, in which a third coordinate is a depth and no score.
+        Of the coordinates: pixels, shares of the picture's width and height, or metres (or any other unit
+        that is the same in x and y), in which a third coordinate is a depth and no score.
     frame_size : None or (width, height)
         Of the picture that shares are of, in pixels, as 1920x1080; only the ratio of the two changes a
         gesture. 640x480 where it is left open.

@@ -219,8 +219,11 @@ class KeypointExtractor:
         }
 
     def _from_reader(self, path: Path, member: str, name: str) -> tuple[list[PoseSequence], dict[str, Any]]:
+        from gesture_core.pose.plausible import check_plausible
+
         pose, known = self._settings.pose, {}
         sequences: list[PoseSequence]
+        odd: list[str] = []
         if name == "store":
             stored = read_keypoints(path)
             sequences, known = stored.sequences, dict(stored.facts)
@@ -228,6 +231,7 @@ class KeypointExtractor:
             reader = open_reader(name, self._settings)
             with calling(registry().find("reader", name), passing=(OSError,)):
                 sequences = [_checked(sequence) for sequence in reader.read(path, member)]
+            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
         if pose.people == "single" and len(sequences) > 1:
@@ -250,7 +254,7 @@ class KeypointExtractor:
             "frames_read": frames,
             "frames_looked_at": frames,
             "complete": not lost,
-            "notes": lost + sorted({note for one in sequences for note in _notes(one)}),
+            "notes": list(dict.fromkeys([*lost, *(note for one in sequences for note in _notes(one)), *odd])),
             "seconds": seconds,
             "assumed": str(sequences[0].provenance.get("assumed", "")) if sequences else "",
         }
