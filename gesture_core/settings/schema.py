@@ -33,14 +33,22 @@ class PoseSettings(_Section):
     Attributes
     ----------
     backend : str
-        Name of a pose backend.
+        Name of a pose backend, or ``auto``: the first one that reads the network's file.
     model : str
-        Name or file of a pose network.
+        Name or file of a pose network, or ``auto``: ``blazepose`` where it is installed, otherwise
+        ``compact``.
+    provider : "auto", "cpu", "cuda", "tensorrt", "openvino", "coreml" or "directml"
+        What onnxruntime runs the network on; ``auto`` is the fastest that its installation has.
+    target : "auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16" or "vulkan"
+        What OpenCV runs the network on; ``auto`` is CUDA where it was built with it, otherwise the CPU.
     people : "single" or "multi"
         One person for each input, or one row for each track.
     height : int or None
         Height in pixels that a picture is scaled to, for networks that take any size; None leaves it
         to the network's contract.
+    rate : None or float
+        Frames of a video that are looked at in a second, at most, chosen by their time stamps; none or 0:
+        every frame. All are decoded and counted.
     follow : bool or None
         Crop to the person and follow them; None lets the model decide.
     score : None or float
@@ -52,10 +60,13 @@ class PoseSettings(_Section):
         Frames per second of keypoint files that carry no times.
     """
 
-    backend: str = "onnx"
-    model: str = "compact"
+    backend: str = "auto"
+    model: str = "auto"
+    provider: Literal["auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml"] = "auto"
+    target: Literal["auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16", "vulkan"] = "auto"
     people: Literal["single", "multi"] = "single"
     height: int | None = None
+    rate: float | None = 15.0
     follow: bool | None = None
     score: float | None = None
     reader: str = "auto"
@@ -198,6 +209,7 @@ SECTIONS: Mapping[str, type] = {
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "pose.height": (32, 4096),
+    "pose.rate": (0, 100_000),
     "pose.score": (0, 1),
     "pose.fps": (0.001, 100_000),
     "signals.max_gap": (0, _INFINITE),
