@@ -416,7 +416,12 @@ class Row:
         (or in the unit of the keypoint file).
     frames_declared : int or None
         What the container claims.
-    frames_read, frames_with_pose : int
+    frames_read : int
+        All that were decoded.
+    frames_looked_at : int
+        Those of them in which people were looked for (``pose.rate``).
+    frames_with_pose : int
+        Those of them in which this person was found.
     seconds : float
         Length of what was read.
     selected : tuple of str
@@ -444,6 +449,7 @@ class Row:
     box: tuple[float, ...] = ()
     frames_declared: int | None = None
     frames_read: int = 0
+    frames_looked_at: int = 0
     frames_with_pose: int = 0
     seconds: float = 0.0
     selected: tuple[str, ...] = ()

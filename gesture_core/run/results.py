@@ -24,10 +24,10 @@ OWN_FILES = frozenset({DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", LOCK})
 """What a run leaves in its folder besides its exports; it may lie among videos or examples."""
 _VERSION = 2
 _TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {
-    "frames_with_pose": "INTEGER", "attempts": "INTEGER",
+    "frames_looked_at": "INTEGER", "frames_with_pose": "INTEGER", "attempts": "INTEGER",
     "distance": "REAL", "margin": "REAL", "seconds": "REAL", "start": "REAL", "end": "REAL",
 }  # fmt: skip
-_ADDED: Mapping[str, Any] = {"note": "", "start": None, "end": None, "box": ""}
+_ADDED: dict[str, Any] = {"note": "", "start": None, "end": None, "box": "", "frames_looked_at": 0}
 """Columns that the first files of this format lack, with what stands in them."""
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);

@@ -66,6 +66,7 @@ def rows_of(
         found.sha256,
         frames_declared=found.frames_declared,
         frames_read=found.frames_read,
+        frames_looked_at=found.frames_looked_at,
         seconds=found.seconds,
         attempts=found.attempts,
         plugin=found.plugin,
@@ -76,7 +77,7 @@ def rows_of(
         return [replace(base, code=found.code, message=_about(item, found.message))]
     if not found.people:
         message = (
-            f"{item.name}: nobody was found in {found.frames_read} frames; "
+            f"{item.name}: nobody was found in the {found.frames_looked_at} frames that were looked at; "
             "try: another --pose or --model, or gesture render to see what the network sees"
         )
         nobody = replace(base, status=Code.NO_PERSON.status, code="E_NO_PERSON", message=message)
