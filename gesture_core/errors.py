@@ -152,6 +152,7 @@ class Code(StrEnum):
     MODEL_LOAD = "E_MODEL_LOAD", "the runtime cannot load the network", "gesture models verify"
     MODEL_RUN = "E_MODEL_RUN", "the runtime cannot run the network", "another network"
     MODEL_PROBE = "E_MODEL_PROBE", "the network fails on a known picture", "another --model or --pose"
+    PROVIDER = "E_PROVIDER", "what a network should run on is not there", "pose.provider=auto"
     MODEL_URL = "E_MODEL_URL", "an address cannot be fetched", "download the file yourself"
     OFFLINE = "E_OFFLINE", "downloads are switched off", "unset GESTURE_OFFLINE, or add a file"
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ import numpy as np
 from gesture_core.pose.models import find_model
 from gesture_core.pose.network import Letterbox, NetworkBackend, to_batch
 
-from .windows import Example, examples
+from .windows import Example, Track, drawn, photographed
 
 if TYPE_CHECKING:
     import onnx
@@ -251,29 +251,31 @@ def report(table: Table, logits: np.ndarray) -> str:
     return "\n".join(lines)
 
 
-def presence(
-    path: Path,
-    shared: Path,
-    work: Path,
-    seed: int,
-    track: Callable[[Iterable[object], str], Iterator[object]],
-) -> str:
+def presence(path: Path, shared: Path, work: Path, seed: int, track: Track) -> str:
     """Give the network in ``path`` a head; returns the table of held-out windows and the file's SHA-256."""
     import onnx
 
-    from gesture_core.plugin import registry
-
     model = without_head(onnx.load(str(path)))
-    kept = work / "presence.npz"
-    if not kept.exists():
-        backend: NetworkBackend = registry().make("pose", "onnx", {"threads": 1}, model=find_model("compact"))
-        table = features_of(model, examples(shared, backend, seed, track), backend)
-        work.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(kept, **vars(table))
-    with np.load(kept, allow_pickle=False) as stored:
-        table = Table(**stored)
+    tables = [table_of(name, model, shared, work, seed, track) for name in ("photographed", "drawn")]
+    table = Table(*(np.concatenate(parts) for parts in zip(*(vars(t).values() for t in tables), strict=True)))
     logits = held_out(table, seed)
     head, (slope, shift) = calibrate(fit(table, seed), logits, table)
     data = attach(model, head).SerializeToString()
     path.write_bytes(data)
     return f"{report(table, slope * logits + shift)}\n{path}: SHA-256 {hashlib.sha256(data).hexdigest()}"
+
+
+def table_of(name: str, model: onnx.ModelProto, shared: Path, work: Path, seed: int, track: Track) -> Table:
+    """What the head sees of all windows that are ``photographed`` or ``drawn``, kept in the work folder."""
+    from gesture_core.plugin import registry
+
+    kept = work / f"presence-{name}.npz"
+    if not kept.exists():
+        options = {"threads": 1, "presence": 0.0}
+        backend: NetworkBackend = registry().make("pose", "onnx", options, model=find_model("compact"))
+        windows = drawn(seed, track) if name == "drawn" else photographed(shared, backend, seed, track)
+        table = features_of(model, windows, backend)
+        work.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(kept, **vars(table))
+    with np.load(kept, allow_pickle=False) as stored:
+        return Table(**stored)

@@ -19,13 +19,13 @@ from .label import LONGEST, PICTURES, frames
 from .nobody import KINDS
 from .teachers import Teachers, apply, square
 
-FRAMES = 12
+FRAMES = 6
 """Of a film, evenly spaced."""
 EACH = 4
 """Windows of each way of cutting, of each picture."""
 SURE = 0.3
 """Mean score of head, arms and hips from which the teacher confirms that somebody is there."""
-DRAWN = 700
+DRAWN = 400
 """Pictures of each kind of `nobody`."""
 
 
@@ -42,22 +42,14 @@ class Example:
     kind: str
 
 
-def examples(
-    shared: Path,
-    backend: NetworkBackend,
-    seed: int,
-    track: Callable[[Iterable[object], str], Iterator[object]],
-) -> Iterator[Example]:
-    """Windows of the permissively licensed pictures, and of drawn ones.
+Track = Callable[[Iterable[object], str], Iterator[object]]
+"""A progress bar over a list, with a title."""
 
-    Parameters
-    ----------
-    shared : Path
-    backend : NetworkBackend
-        `compact`, which does not ask for presence.
-    seed : int
-    track : callable
-        A progress bar over a list, with a title.
+
+def photographed(shared: Path, backend: NetworkBackend, seed: int, track: Track) -> Iterator[Example]:
+    """Windows of the permissively licensed pictures, with people and beside them.
+
+    ``backend`` is `compact`, which does not ask for presence.
     """
     rng = np.random.default_rng(seed)
     teachers = Teachers(shared / "models", 1)
@@ -69,9 +61,14 @@ def examples(
             assert isinstance(row, dict)
             for picture in _some(root / row["file"], int(float(row["frames"] or 1))):
                 yield from _of_picture(rng, picture, row, teachers, backend)
+
+
+def drawn(seed: int, track: Track) -> Iterator[Example]:
+    """Drawn pictures without anybody, whole and a tile of each."""
+    rng = np.random.default_rng(seed)
     for kind in track(list(KINDS), "drawn"):
         for _ in range(DRAWN):
-            high = int(rng.choice([180, 240, 360, 480]))
+            high = int(rng.choice([180, 240, 360]))
             picture = KINDS[str(kind)](rng, high, int(high * rng.choice([1, 4 / 3, 16 / 9, 9 / 16])))
             for view in (picture, _tile(rng, picture)):
                 yield Example(spoiled(rng, view), False, str(kind), f"drawn: {kind}")
@@ -99,7 +96,8 @@ def _of_picture(
     """Windows around the person whom the follower finds and the teacher confirms, and beside them."""
     source = row["file"].split("/")[0]
     anatomy = Anatomy(COCO18)
-    window = Follower(backend)._search(picture)
+    whole = Window(0, 0, picture.shape[1], picture.shape[0])
+    window = Follower(backend)._zoom(picture, whole)[0]
     middle = np.array([window.left + window.right, window.top + window.bottom]) / 2
     side = float(max(window.right - window.left, window.bottom - window.top))
     crop, back = square(picture, middle, side, 256)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _ROWS_SHOWN = 60
 _REASONS_SHOWN = 20
+_NOTES_SHOWN = 8
 _WORST = ("error", "degraded", "rejected", "skipped", "ok")
 _STYLES = {"ok": "green", "degraded": "yellow", "rejected": "yellow", "skipped": "dim", "error": "red"}
 
@@ -149,9 +150,18 @@ def _common_folder(names: Sequence[str]) -> str:
 
 
 def say_assumed(assumed: Mapping[str, int]) -> None:
-    """What keypoint files do not say and was assumed, and of how many, on standard error."""
+    """What files do not say and was assumed, and of how many, on standard error."""
     for what, files in sorted(assumed.items()):
-        say(f"assumed for {counted(files, 'keypoint file')}: {what}")
+        say(f"assumed for {counted(files, 'file')}: {what}")
+
+
+def say_notes(notes: Mapping[str, int]) -> None:
+    """What is worth knowing of files, and of how many, the most frequent first, on standard error."""
+    ordered = sorted(notes.items(), key=lambda pair: (-pair[1], pair[0]))
+    for what, files in ordered[:_NOTES_SHOWN]:
+        say(f"{counted(files, 'file')}: {what}")
+    if ordered[_NOTES_SHOWN:]:
+        say(f"… and {counted(len(ordered) - _NOTES_SHOWN, 'more note')} in the column 'note'")
 
 
 def check_file(

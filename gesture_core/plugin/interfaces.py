@@ -218,11 +218,17 @@ class Person:
         x, y and score of all places where each joint may be, the highest first; NaN, NaN, 0 beyond the
         last. The first need not be a keypoint: it may be too low to count by itself. With them the choice
         over time (`gesture_core.pose.temporal`) may take another place than the best of one frame.
+    presence : float
+        Probability in 0..1 that this is a person at all.
+    others : int
+        How many more people the network saw in the picture, where only this one was asked for.
     """
 
     keypoints: np.ndarray
     scores: np.ndarray
     peaks: np.ndarray | None = None
+    presence: float = 1.0
+    others: int = 0
 
 
 @runtime_checkable
@@ -234,7 +240,8 @@ class PoseBackend(Protocol):
     taken: ``threads`` (of the runtime, 0 for its own choice), and, where the user sets them in [pose],
     ``height`` (of the input, in pixels) and ``score`` (below which a joint is missing).
 
-    More abilities are optional: `CropFollowing`, `TemporalChoice`, `Traceable`, and `Person.peaks`.
+    More abilities are optional: `CropFollowing`, `RegionFollowing`, `DeviceChoice`, `TemporalChoice`,
+    `Traceable`, and `Person.peaks`.
     `gesture_core.pose.network.NetworkBackend` is a base class that has them all.
     """
 
@@ -259,6 +266,37 @@ class CropFollowing(Protocol):
     """Whether it is given such a crop unless the user says otherwise."""
     crop: float
     """Side of the crop over the reach of the body, from a raised hand to the foot."""
+
+
+@runtime_checkable
+class RegionFollowing(PoseBackend, Protocol):
+    """A pose backend whose network was made for one person, upright in a square of their own.
+
+    It is given such squares where people are followed (`gesture_core.pose.region`).
+    """
+
+    @property
+    def region(self) -> int:
+        """Pixels of a side of the square; 0 where the network is none of these."""
+        ...
+
+    @property
+    def finder(self) -> PoseBackend:
+        """What finds the person where nobody has been followed so far."""
+        ...
+
+
+@runtime_checkable
+class DeviceChoice(Protocol):
+    """A pose backend that runs on several devices, one of which its option ``device`` takes."""
+
+    @classmethod
+    def devices(cls) -> Mapping[str, Sequence[str]]:
+        """The setting in [pose] that chooses, ``provider`` or ``target``, and what there is on this machine.
+
+        The first one is what ``auto`` stands for.
+        """
+        ...
 
 
 @runtime_checkable

@@ -33,9 +33,14 @@ class PoseSettings(_Section):
     Attributes
     ----------
     backend : str
-        Name of a pose backend.
+        Name of a pose backend, or ``auto``: the first one that reads the network's file.
     model : str
-        Name or file of a pose network.
+        Name or file of a pose network, or ``auto``: ``blazepose`` where it is installed, otherwise
+        ``compact``.
+    provider : "auto", "cpu", "cuda", "tensorrt", "openvino", "coreml" or "directml"
+        What onnxruntime runs the network on; ``auto`` is the fastest that its installation has.
+    target : "auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16" or "vulkan"
+        What OpenCV runs the network on; ``auto`` is CUDA where it was built with it, otherwise the CPU.
     people : "single" or "multi"
         One person for each input, or one row for each track.
     height : int or None
@@ -55,8 +60,10 @@ class PoseSettings(_Section):
         Frames per second of keypoint files that carry no times.
     """
 
-    backend: str = "onnx"
-    model: str = "compact"
+    backend: str = "auto"
+    model: str = "auto"
+    provider: Literal["auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml"] = "auto"
+    target: Literal["auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16", "vulkan"] = "auto"
     people: Literal["single", "multi"] = "single"
     height: int | None = None
     rate: float | None = 15.0

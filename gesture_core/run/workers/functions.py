@@ -47,7 +47,7 @@ def try_model(worker: Worker) -> None:
     picture[80:95, 80:240] = (140, 170, 210)
     picture[150:230, 137:157] = picture[150:230, 163:183] = (120, 80, 50)
     with calling(backend):
-        answers = [backend.estimate([picture]) for _ in range(2)]
+        answers = [backend.estimate([picture], worker.settings.pose.people) for _ in range(2)]
     width = len(skeleton(backend.skeleton).joints)
     for answer in answers:
         if len(answer) != 1:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
 from gesture_core.files import content_sha256, stamp, tree_sha256
@@ -25,6 +25,29 @@ if TYPE_CHECKING:
     from gesture_core.video.frames import Picture
 
 _REPORT_SECONDS = 0.5
+_OFTEN = 1 / 3
+"""Share of the frames from which other people are worth a note."""
+_OTHERS = (
+    "other people are visible in a third of the frames or more; the one who is seen best is taken "
+    "(pose.people=multi takes all)"
+)
+
+
+class Seen(NamedTuple):
+    """A person in an input: number, frames with a pose, seconds of the first and last of them, and where."""
+
+    person: int
+    frames: int
+    start: float
+    end: float
+    box: tuple[float, ...]
+
+    @classmethod
+    def of(cls, sequence: PoseSequence) -> Seen:
+        """The facts of a sequence with a pose."""
+        times = sequence.times[sequence.seen.any(axis=1)]
+        frames, first, last = len(times), float(times[0]), float(times[-1])
+        return cls(int(sequence.person), frames, first, last, sequence.box)
 
 
 @dataclass(frozen=True)
@@ -41,8 +64,7 @@ class Extracted:
         File name in the keypoint store; empty after an error.
     cached : bool
         The keypoints were already there.
-    people : tuple of (int, int)
-        Number of each person, and their frames with a pose.
+    people : tuple of Seen
     frames_declared : int or None
         What the container claims.
     frames_read : int
@@ -52,7 +74,7 @@ class Extracted:
     complete : bool
         No frame is known to be lost.
     notes : tuple of str
-        What was wrong with the input, where anything was.
+        What was wrong with the input, or is worth knowing of it.
     assumed : str
         What the input does not say and its reader assumed, where anything was.
     seconds : float
@@ -68,7 +90,7 @@ class Extracted:
     stamp: str = ""
     stored: str = ""
     cached: bool = False
-    people: tuple[tuple[int, int], ...] = ()
+    people: tuple[Seen, ...] = ()
     frames_declared: int | None = None
     frames_read: int = 0
     frames_looked_at: int = 0
@@ -84,7 +106,7 @@ class Extracted:
     @classmethod
     def from_tree(cls, tree: Mapping[str, Any]) -> Extracted:
         """The inverse of `asdict`, after JSON."""
-        people = tuple((person, frames) for person, frames in tree["people"])
+        people = tuple(Seen(*facts, tuple(box)) for *facts, box in tree["people"])
         return cls(**{**tree, "notes": tuple(tree["notes"]), "people": people})
 
     def failed(self, error: GestureError, **changes: Any) -> Extracted:
@@ -182,13 +204,17 @@ class KeypointExtractor:
                     frames, backend, settings.pose.people, follow=settings.pose.follow, source=str(path)
                 )
             report = video.report
+        others = sum(int(sequence.provenance.get("others", 0)) for sequence in sequences)
         frames.flush()
         return sequences, {
             "frames_declared": None if report.frames_declared is None else int(report.frames_declared),
             "frames_read": int(report.frames_read),
             "frames_looked_at": frames.count,
             "complete": bool(report.complete),
-            "notes": [str(note) for note in report.notes],
+            "notes": [
+                *map(str, report.notes),
+                *([_OTHERS] if others >= max(1, report.frames_read * _OFTEN) else []),
+            ],
             "seconds": frames.seconds,
         }
 
@@ -262,7 +288,7 @@ def _with_facts(found: Extracted, sequences: list[PoseSequence], facts: Mapping[
     names = ("frames_declared", "frames_read", "frames_looked_at", "complete", "seconds")
     return replace(
         found,
-        people=tuple((int(sequence.person), sequence.frames_with_pose) for sequence in sequences),
+        people=tuple(map(Seen.of, sequences)),
         notes=tuple(facts["notes"]),
         assumed=facts.get("assumed", ""),
         **{name: facts[name] for name in names},
