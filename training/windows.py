@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,13 +20,13 @@ from .label import LONGEST, PICTURES, frames
 from .nobody import KINDS
 from .teachers import Teachers, apply, square
 
-FRAMES = 6
-"""Of a film, evenly spaced."""
-EACH = 4
+FRAMES, FILES = 2, 40
+"""Of a film, evenly spaced; and of a collection, so that none outweighs the others."""
+EACH = 3
 """Windows of each way of cutting, of each picture."""
 SURE = 0.3
 """Mean score of head, arms and hips from which the teacher confirms that somebody is there."""
-DRAWN = 400
+DRAWN = 250
 """Pictures of each kind of `nobody`."""
 
 
@@ -57,7 +58,12 @@ def photographed(shared: Path, backend: NetworkBackend, seed: int, track: Track)
         root = shared / "data" / folder
         with (root / "SOURCES.csv").open(encoding="utf-8", newline="") as handle:
             listed = list(csv.DictReader(handle))
-        for row in track(listed, folder):
+        sizes = Counter(row["file"].split("/")[0] for row in listed)
+        chosen: list[dict[str, str]] = []
+        for name, size in sizes.items():
+            own = [row for row in listed if row["file"].split("/")[0] == name]
+            chosen += own[:: -(-size // FILES)]
+        for row in track(chosen, folder):
             assert isinstance(row, dict)
             for picture in _some(root / row["file"], int(float(row["frames"] or 1))):
                 yield from _of_picture(rng, picture, row, teachers, backend)

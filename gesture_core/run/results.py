@@ -201,7 +201,7 @@ class Results:
         """All rows, ordered by input and person."""
         query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person"
         for record in self._db.execute(query, (role,)):
-            yield Row.from_record(_ADDED | dict(record))
+            yield Row.from_record({**_ADDED, **dict(record)})
 
     def places(self) -> list[tuple[bytes, bytes]]:
         """Key and path of every input that has rows."""
