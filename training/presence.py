@@ -29,6 +29,7 @@ HIDDEN, STEPS, RATE, DECAY = 24, 1500, 3e-3, 2e-3
 FOLDS = 5
 NOBODY = 0.9
 """Share of windows without a person that 0.5 is meant for: a search looks at many for one that has one."""
+SOURCES = ("people_permissive", "people_more", "drawn")
 _BATCH = 64
 
 
@@ -256,7 +257,7 @@ def presence(path: Path, shared: Path, work: Path, seed: int, track: Track) -> s
     import onnx
 
     model = without_head(onnx.load(str(path)))
-    tables = [table_of(name, model, shared, work, seed, track) for name in ("photographed", "drawn")]
+    tables = [table_of(name, model, shared, work, seed, track) for name in SOURCES]
     table = Table(*(np.concatenate(parts) for parts in zip(*(vars(t).values() for t in tables), strict=True)))
     logits = held_out(table, seed)
     head, (slope, shift) = calibrate(fit(table, seed), logits, table)
@@ -266,14 +267,18 @@ def presence(path: Path, shared: Path, work: Path, seed: int, track: Track) -> s
 
 
 def table_of(name: str, model: onnx.ModelProto, shared: Path, work: Path, seed: int, track: Track) -> Table:
-    """What the head sees of all windows that are ``photographed`` or ``drawn``, kept in the work folder."""
+    """What the head sees of all windows of one of `SOURCES`, kept in the work folder."""
     from gesture_core.plugin import registry
 
     kept = work / f"presence-{name}.npz"
     if not kept.exists():
         options = {"threads": 1, "presence": 0.0}
         backend: NetworkBackend = registry().make("pose", "onnx", options, model=find_model("compact"))
-        windows = drawn(seed, track) if name == "drawn" else photographed(shared, backend, seed, track)
+        windows = (
+            drawn(seed, track)
+            if name == "drawn"
+            else photographed(shared / "data" / name, backend, seed, track)
+        )
         table = features_of(model, windows, backend)
         work.mkdir(parents=True, exist_ok=True)
         np.savez_compressed(kept, **vars(table))

@@ -20,7 +20,7 @@ from .label import LONGEST, PICTURES, frames
 from .nobody import KINDS
 from .teachers import Teachers, apply, square
 
-FRAMES, FILES = 2, 40
+FRAMES, FILES = 2, 30
 """Of a film, evenly spaced; and of a collection, so that none outweighs the others."""
 EACH = 3
 """Windows of each way of cutting, of each picture."""
@@ -47,26 +47,24 @@ Track = Callable[[Iterable[object], str], Iterator[object]]
 """A progress bar over a list, with a title."""
 
 
-def photographed(shared: Path, backend: NetworkBackend, seed: int, track: Track) -> Iterator[Example]:
-    """Windows of the permissively licensed pictures, with people and beside them.
+def photographed(folder: Path, backend: NetworkBackend, seed: int, track: Track) -> Iterator[Example]:
+    """Windows of the permissively licensed pictures in a folder, with people and beside them.
 
-    ``backend`` is `compact`, which does not ask for presence.
+    ``backend`` is `compact`, which does not ask for presence; the teachers are beside ``folder``.
     """
     rng = np.random.default_rng(seed)
-    teachers = Teachers(shared / "models", 1)
-    for folder in ("people_permissive", "people_more"):
-        root = shared / "data" / folder
-        with (root / "SOURCES.csv").open(encoding="utf-8", newline="") as handle:
-            listed = list(csv.DictReader(handle))
-        sizes = Counter(row["file"].split("/")[0] for row in listed)
-        chosen: list[dict[str, str]] = []
-        for name, size in sizes.items():
-            own = [row for row in listed if row["file"].split("/")[0] == name]
-            chosen += own[:: -(-size // FILES)]
-        for row in track(chosen, folder):
-            assert isinstance(row, dict)
-            for picture in _some(root / row["file"], int(float(row["frames"] or 1))):
-                yield from _of_picture(rng, picture, row, teachers, backend)
+    teachers = Teachers(folder.parents[1] / "models", 1)
+    with (folder / "SOURCES.csv").open(encoding="utf-8", newline="") as handle:
+        listed = list(csv.DictReader(handle))
+    sizes = Counter(row["file"].split("/")[0] for row in listed)
+    chosen: list[dict[str, str]] = []
+    for name, size in sizes.items():
+        own = [row for row in listed if row["file"].split("/")[0] == name]
+        chosen += own[:: -(-size // FILES)]
+    for row in track(chosen, folder.name):
+        assert isinstance(row, dict)
+        for picture in _some(folder / row["file"], int(float(row["frames"] or 1))):
+            yield from _of_picture(rng, picture, row, teachers, backend)
 
 
 def drawn(seed: int, track: Track) -> Iterator[Example]:
