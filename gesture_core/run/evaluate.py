@@ -183,14 +183,14 @@ def evaluate_archive(
     for point, candidate in zip(points, candidates, strict=True):
         check_settings(candidate)
         for key in point:
-            if find_key(key, ready, "--grid")[0] == "pose":
+            if find_key(key, ready, "--grid")[0] in ("pose", "keypoints"):
                 raise ConfigError(
                     f"--grid {key}: keypoints are extracted once",
                     remedy="one evaluation for each value, with --set",
                     code="E_OPTION",
                 )
             check_option(key, candidate, "--grid")
-    items = _labelled(as_strings(sources), labels, avoid)
+    items = _labelled(as_strings(sources), labels, avoid, ready)
     who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
     examples = _examples(items, train, protocol)
     neighbors = max(candidate.classify.neighbors for candidate in candidates)
@@ -276,9 +276,9 @@ def _load(
     return poses, hashes, identity, assumed
 
 
-def _labelled(sources: Sequence[str], labels: str, avoid: Path | None) -> list[Input]:
+def _labelled(sources: Sequence[str], labels: str, avoid: Path | None, settings: Settings) -> list[Input]:
     """The inputs with their labels; those that cannot be read are among them and count as wrong."""
-    every = discover(sources, avoid=avoid)
+    every = discover(sources, avoid=avoid, settings=settings)
     found = [item for item in every if item.kind != "other"]
     if not found:
         raise InputError(

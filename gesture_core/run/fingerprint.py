@@ -35,9 +35,9 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
 
     plugins = registry()
     settings = choose_pose(settings, needed=with_model)
-    pose = settings.as_dict()["pose"]
-    shared = {name: pose[name] for name in ("fps", "people", "score")}
-    del pose["fps"]
+    tree = settings.as_dict()
+    pose = tree["pose"]
+    shared = {"people": pose["people"], "score": pose["score"], "keypoints": tree["keypoints"]}
     model: dict[str, Any] | None
     try:
         found = find_model(settings.pose.model)
@@ -94,7 +94,8 @@ def run_configuration(
     Without a ``kernel`` nothing is compared, and only what decides the keypoints counts.
     """
     if not kernel:
-        pose = {"pose": settings.as_dict()["pose"]}
+        tree = settings.as_dict()
+        pose = {section: tree[section] for section in ("pose", "keypoints")}
         return {"settings": pose, "keypoints": dict(identity), "plugins": {}, "examples": {}}
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     steps = [registry().find(kind, name.partition(":")[0]) for kind, name in settings.plugins()]

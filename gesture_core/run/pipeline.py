@@ -106,8 +106,12 @@ class RunSummary:
 
     @property
     def exit_code(self) -> int:
-        """0 when every row is whole, 3 where there are errors, degraded rows, or examples that are lost."""
+        """0 when every row is whole, 3 where there are errors, degraded rows, or examples that are lost.
+
+        Also 3 where every input was skipped: then nothing was read.
+        """
         flawed = self.counts.get("error", 0) + self.counts.get("degraded", 0)
+        flawed += bool(self.counts) and set(self.counts) == {"skipped"}
         return 3 if flawed or self.failed_examples or self.lost_classes else 0
 
     def rows(self) -> list[Row]:

@@ -27,7 +27,7 @@ _TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INT
     "frames_looked_at": "INTEGER", "frames_with_pose": "INTEGER", "attempts": "INTEGER",
     "distance": "REAL", "margin": "REAL", "seconds": "REAL", "start": "REAL", "end": "REAL",
 }  # fmt: skip
-_ADDED: Mapping[str, Any] = {"note": "", "start": None, "end": None, "box": "", "frames_looked_at": 0}
+_ADDED: dict[str, Any] = {"note": "", "start": None, "end": None, "box": "", "frames_looked_at": 0}
 """Columns that the first files of this format lack, with what stands in them."""
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -201,7 +201,7 @@ class Results:
         """All rows, ordered by input and person."""
         query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person"
         for record in self._db.execute(query, (role,)):
-            yield Row.from_record({**_ADDED, **dict(record)})
+            yield Row.from_record(_ADDED | dict(record))
 
     def places(self) -> list[tuple[bytes, bytes]]:
         """Key and path of every input that has rows."""
