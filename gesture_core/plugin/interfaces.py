@@ -227,6 +227,9 @@ class Person:
         over time (`gesture_core.pose.temporal`) may take another place than the best of one frame.
     presence : float
         Probability in 0..1 that this is a person at all.
+    region : (2, 2) float array, optional
+        Of a network that sees regions (`RegionFollowing`): the middle of the body, and the point above the
+        head of the circle around it that all of the body can reach.
     others : int
         How many more people the network saw in the picture, where only this one was asked for.
     """
@@ -235,6 +238,7 @@ class Person:
     scores: np.ndarray
     peaks: np.ndarray | None = None
     presence: float = 1.0
+    region: np.ndarray | None = None
     others: int = 0
 
 

@@ -77,6 +77,9 @@ class SignalSettings(_Section):
 
     Attributes
     ----------
+    repair : bool
+        Take out joints that jump and come back, and exchange left and right where the frames before and
+        after say that they are confused.
     max_gap : float
         Seconds of a missing joint that are interpolated; a joint with a longer gap inside keeps
         its nearest values only if it was seen in ``min_seen`` of the frames.
@@ -95,6 +98,7 @@ class SignalSettings(_Section):
         that can only be matched by examples that are still too.
     """
 
+    repair: bool = False
     max_gap: float = 0.5
     min_seen: float = 0.5
     min_frames: int = 5
