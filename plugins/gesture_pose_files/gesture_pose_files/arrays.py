@@ -142,6 +142,7 @@ def _own_archive(
         times=times,
         body=body,
         axes="xy" if body else None,
+        own=body is not None,
         frame_size=size,
     )
 
