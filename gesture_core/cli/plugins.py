@@ -110,6 +110,7 @@ def _make(found: Registry, entry: Registration) -> None:
     GestureError, OSError
         Whatever is wrong with it, such as a pose backend that takes no ``model``.
     """
+    from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.models import find_model
 
     target, kind = found.load(entry.kind, entry.name), KINDS[entry.kind]
@@ -121,7 +122,7 @@ def _make(found: Registry, entry: Registration) -> None:
         signature.bind(**dict.fromkeys(kind.given))
     except TypeError:  # an option without a default is for the user to give
         return
-    settings = load_settings()
+    settings = choose_pose(load_settings())
     values: dict[str, Any] = {}
     if "model" in kind.given:
         values["model"] = find_model(settings.pose.model)

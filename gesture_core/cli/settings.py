@@ -61,7 +61,9 @@ def every_setting(settings: Settings) -> Iterator[Setting]:
     """All sections, and the options of the plugins that ``settings`` choose."""
     for section in SECTIONS:
         yield from _section(section, settings)
-    for name in dict.fromkeys([settings.pose.backend, *(name for _, name in settings.plugins())]):
+    backend = settings.pose.backend
+    backends = registry().names("pose", usable=True) if backend == "auto" else (backend,)
+    for name in dict.fromkeys([*backends, *(name for _, name in settings.plugins())]):
         yield from _plugin(name, settings)
 
 

@@ -24,6 +24,7 @@ from gesture_core.classify.evaluation import (
 )
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable
+from gesture_core.pose.choice import choose_pose, described
 from gesture_core.run.archive import Sources, as_strings
 from gesture_core.run.extract import extract_all
 from gesture_core.run.fingerprint import fingerprint, pose_identity, run_configuration
@@ -234,6 +235,8 @@ def people_of(
     """
     listener = listener or Listener()
     listener.planned(len(items), len(items), 0, "")
+    if any(item.kind == "video" for item in items):
+        listener.network(described(choose_pose(settings)))
     for item, found in extract_all(
         items, settings, identity=identity, workers=workers, on_frames=listener.frames
     ):

@@ -226,7 +226,7 @@ class _Walk:
             elif trouble:
                 yield _broken(path, *trouble)
             else:
-                yield Input(path, name, "other", fault="neither a video nor a keypoint file")
+                yield Input(path, name, "other", fault=self._readers.why_not(path))
 
     def _members(self, path: Path, reader: str) -> Iterator[Input]:
         name = printable(os.fspath(path))

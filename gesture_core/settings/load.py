@@ -241,7 +241,9 @@ def check_option(key: str, settings: Settings, origin: str) -> None:
 
 def _chosen(settings: Settings) -> set[str]:
     """Names of the plugins that make a label of a video."""
-    return {settings.pose.backend, *(plugin for _, plugin in settings.plugins())}
+    backend = settings.pose.backend
+    backends = registry().names("pose") if backend == "auto" else (backend,)
+    return {*backends, *(plugin for _, plugin in settings.plugins())}
 
 
 def near(word: str, known: Sequence[str]) -> str:

@@ -34,14 +34,22 @@ class PoseSettings(_Section):
     Attributes
     ----------
     backend : str
-        Name of a pose backend.
+        Name of a pose backend, or ``auto``: the first one that reads the network's file.
     model : str
-        Name or file of a pose network.
+        Name or file of a pose network, or ``auto``: ``blazepose`` where it is installed, otherwise
+        ``compact``.
+    provider : "auto", "cpu", "cuda", "tensorrt", "openvino", "coreml" or "directml"
+        What onnxruntime runs the network on; ``auto`` is the fastest that its installation has.
+    target : "auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16" or "vulkan"
+        What OpenCV runs the network on; ``auto`` is CUDA where it was built with it, otherwise the CPU.
     people : "single" or "multi"
         One person for each input, or one row for each track.
     height : int or None
         Height in pixels that a picture is scaled to, for networks that take any size; None leaves it
         to the network's contract.
+    rate : None or float
+        Frames of a video that are looked at in a second, at most, chosen by their time stamps; none or 0:
+        every frame. All are decoded and counted.
     follow : bool or None
         Crop to the person and follow them; None lets the model decide.
     score : None or float
@@ -51,10 +59,13 @@ class PoseSettings(_Section):
         Name of a video reader, or ``auto``: ``pyav`` where it is installed, otherwise ``opencv``.
     """
 
-    backend: str = "onnx"
-    model: str = "compact"
+    backend: str = "auto"
+    model: str = "auto"
+    provider: Literal["auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml"] = "auto"
+    target: Literal["auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16", "vulkan"] = "auto"
     people: Literal["single", "multi"] = "single"
     height: int | None = None
+    rate: float | None = 15.0
     follow: bool | None = None
     score: float | None = None
     reader: str = "auto"
@@ -66,6 +77,9 @@ class SignalSettings(_Section):
 
     Attributes
     ----------
+    repair : bool
+        Take out joints that jump and come back, and exchange left and right where the frames before and
+        after say that they are confused.
     max_gap : float
         Seconds of a missing joint that are interpolated; a joint with a longer gap inside keeps
         its nearest values only if it was seen in ``min_seen`` of the frames.
@@ -84,6 +98,7 @@ class SignalSettings(_Section):
         that can only be matched by examples that are still too.
     """
 
+    repair: bool = False
     max_gap: float = 0.5
     min_seen: float = 0.5
     min_frames: int = 5
@@ -193,6 +208,7 @@ SECTIONS: Mapping[str, type] = {
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "pose.height": (32, 4096),
+    "pose.rate": (0, 100_000),
     "pose.score": (0, 1),
     "signals.max_gap": (0, _INFINITE),
     "signals.min_seen": (0, 1),

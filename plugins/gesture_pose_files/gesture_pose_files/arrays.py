@@ -28,6 +28,7 @@ from gesture_pose_files.files import (
 from gesture_pose_files.layout import check_seconds, sequence, skeleton_called
 from gesture_pose_files.npy import read_array, read_header
 
+_PICKLES = (".pkl", ".pickle", ".joblib")
 _NPY_MAGIC = b"\x93NUMPY"
 _ZIP_MAGIC = b"PK\x03\x04"
 _MAX_FILE_BYTES = 2 << 30
@@ -57,6 +58,15 @@ class ArrayReader:
         if suffix == ".npy":
             return head_of(path, 6) == _NPY_MAGIC
         return suffix == ".npz" and head_of(path, 4) == _ZIP_MAGIC
+
+    def refusal(self, path: Path) -> str:
+        """That pickles are not opened, or that the file is none of NumPy's."""
+        if path.suffix.lower() in _PICKLES:
+            return (
+                "pickles are not opened, for they can run any code; save what it holds once, with "
+                "np.savez('clip.npz', keypoints=…, scores=…), or a folder of such files"
+            )
+        return f"it does not begin as NumPy's files do, but with {head_of(path, 12)!r}"
 
     def members(self, path: Path) -> list[str]:
         """Names of the sequences in ``path``; ``[""]`` where it holds one."""

@@ -26,6 +26,7 @@ from gesture_pose_files.table import number_in, numbers_of, rows_of, split_heade
 _HEAD_BYTES = 1 << 16
 _SUFFIXES = (".csv", ".tsv")
 _MAX_JOINT_ROWS = 8 * MAX_FRAMES
+_SHOWN = 100
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,14 @@ class CsvReader:
             if error.code == "E_KEYPOINTS_SKELETON":
                 raise
             return False
+
+    def refusal(self, path: Path) -> str:
+        """The header, which names no joints."""
+        lines = head_of(path, _HEAD_BYTES).decode("utf-8-sig", "replace").splitlines()
+        header = next((line for line in lines if line.strip()), "")
+        if not header:
+            return "it is empty"
+        return f"its first line {_quoted(header)} names no joints, and is no row of keypoints"
 
     def members(self, path: Path) -> list[str]:
         """``[""]``: a table is one sequence."""
@@ -207,14 +216,17 @@ class _Person:
 
 
 def _no_table(cells: Sequence[str], source: str) -> KeypointError:
-    shown = ",".join(cells)
     return KeypointError(
-        f"is no keypoint table: its first line is neither a row of keypoints nor names joints: "
-        f"{shown[:120]}{'…' if len(shown) > 120 else ''}",
+        f"is no keypoint table: its first line {_quoted(','.join(cells))} names no joints, "
+        "and is no row of keypoints",
         subject=source,
         remedy="columns time, nose_x, nose_y, …; rows of x, y in COCO order; or keypoints.order",
         code="E_KEYPOINTS_FORMAT",
     )
+
+
+def _quoted(line: str) -> str:
+    return repr(printable(line[:_SHOWN]) + ("…" if len(line) > _SHOWN else ""))
 
 
 def _take(table: np.ndarray, columns: Sequence[int | None]) -> np.ndarray:

@@ -9,16 +9,26 @@ import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.reading import Axes, ReadOptions, Unit
-from gesture_core.skeletons import BLAZEPOSE33, BODY25, COCO17, COCO18, MPI15, SKELETONS, Skeleton, to_coco18
+from gesture_core.skeletons import (
+    BLAZEPOSE33,
+    BODY25,
+    COCO17,
+    COCO18,
+    HALPE26,
+    MPI15,
+    SKELETONS,
+    Skeleton,
+    to_coco18,
+)
 from gesture_core.types import PoseSequence
 
 BY_COUNT: Mapping[int, Skeleton] = {
-    len(kind.joints): kind for kind in (MPI15, COCO17, COCO18, BODY25, BLAZEPOSE33)
+    len(kind.joints): kind for kind in (MPI15, COCO17, COCO18, BODY25, HALPE26, BLAZEPOSE33)
 }
 # Width of a flat row -> (joints, values a joint); no two layouts share a width.
 _VALUES = (2, 3, 4)
 _FLAT = {joints * values: (joints, values) for joints in BY_COUNT for values in _VALUES}
-_FORMS = "(T, J, 2|3|4) or (T, 2J|3J|4J) with J of 15, 17, 18, 25 or 33"
+_FORMS = "(T, J, 2|3|4) or (T, 2J|3J|4J) with J of 15, 17, 18, 25, 26 or 33"
 # Of shares of width and height: a joint lies at most this far outside the picture, and few lie left of it
 # or above it: none in half of MediaPipe's files, 3 % in the worst; 36 % or more where the neck is the origin.
 _LARGEST_SHARE = 5.0
@@ -138,7 +148,7 @@ def sequence(
     return PoseSequence(points, scores, times, joints.name, frame_size, person, source, provenance)
 
 
-def check_seconds(times: np.ndarray, source: str) -> None:
+def check_seconds(times: np.ndarray, source: str, *, remedy: str = "dividing milliseconds by 1000") -> None:
     """Refuse times, in any order, that can be no seconds: E_KEYPOINTS_TIMES."""
     given = np.asarray(times, np.float64)
     steps = np.diff(np.unique(given[np.isfinite(given)]))
@@ -147,7 +157,7 @@ def check_seconds(times: np.ndarray, source: str) -> None:
         raise KeypointError(
             f"its frames are {usual:g} s apart, which shows no movement; times are in seconds",
             subject=source,
-            remedy="dividing milliseconds by 1000",
+            remedy=remedy,
             code="E_KEYPOINTS_TIMES",
         )
 
