@@ -101,8 +101,8 @@ def test_two_rows_of_names(tmp_path: Path, first: list[str], second: list[str]) 
 def test_three_rows_of_names_of_which_one_tells_nothing(tmp_path: Path) -> None:
     points = person(UPPER)
     head = [
-        ["scorer", *["net"] * 12],
-        ["bodyparts", *[j for j in UPPER for _ in "xy"]],
+        ["model", *["net"] * 12],
+        ["joint", *[j for j in UPPER for _ in "xy"]],
         ["coords", *["x", "y"] * 6],
     ]
     rows = [[number, *row] for number, row in enumerate(flat(points))]

@@ -27,6 +27,7 @@ _HEAD_BYTES = 1 << 16
 _SUFFIXES = (".csv", ".tsv")
 _MAX_JOINT_ROWS = 8 * MAX_FRAMES
 _SHOWN = 100
+_DEEPLABCUT = (b"scorer,", b"bodyparts,")
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,8 @@ class CsvReader:
         if path.suffix.lower() not in _SUFFIXES:
             return False
         head = head_of(path, _HEAD_BYTES)
+        if head.removeprefix(b"\xef\xbb\xbf").lower().startswith(_DEEPLABCUT):
+            return False  # it has a reader of its own
         if len(head) == _HEAD_BYTES:
             head = head[: head.rfind(b"\n") + 1] or head
         try:
@@ -74,7 +77,7 @@ class CsvReader:
         header = next((line for line in lines if line.strip()), "")
         if not header:
             return "it is empty"
-        return f"its first line {_quoted(header)} names no joints, and is no row of keypoints"
+        return f"its header {_quoted(header)} names no joints, and is no row of keypoints"
 
     def members(self, path: Path) -> list[str]:
         """``[""]``: a table is one sequence."""
@@ -217,7 +220,7 @@ class _Person:
 
 def _no_table(cells: Sequence[str], source: str) -> KeypointError:
     return KeypointError(
-        f"is no keypoint table: its first line {_quoted(','.join(cells))} names no joints, "
+        f"is no keypoint table: its header {_quoted(','.join(cells))} names no joints, "
         "and is no row of keypoints",
         subject=source,
         remedy="columns time, nose_x, nose_y, …; rows of x, y in COCO order; or keypoints.order",
