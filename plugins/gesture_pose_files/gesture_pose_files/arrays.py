@@ -179,6 +179,7 @@ class ArrayReader:
                 times=times,
                 body=body,
                 axes="xy" if body else None,
+                own=body is not None,
                 frame_size=size,
                 notes=(*left_out, *notes),
             )

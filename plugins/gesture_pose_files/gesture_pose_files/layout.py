@@ -67,6 +67,7 @@ def sequence(
     axes: Axes | None = None,
     unit: Unit | None = None,
     frame_size: tuple[int, int] | None = None,
+    own: bool = False,
     person: int = 0,
     notes: Sequence[str] = (),
 ) -> PoseSequence:
@@ -91,6 +92,8 @@ def sequence(
         What the file itself says of its joints, the order of coordinates, and the picture.
     unit : "pixels" or "shares", optional
         What the reader found, where it has seen more than this one person.
+    own : bool
+        A file that this package wrote, or one in its form: pixels, or shares where they look so.
     person : int
     notes : sequence of str
         What the reader left out or put right.
@@ -124,7 +127,8 @@ def sequence(
     points = np.where(missing[..., None], np.float32(np.nan), points)
     if said == "x-y":
         points = points * np.array([1, -1], np.float32)
-    unit = options.unit or unit or ("shares" if are_shares(points) else "pixels")
+    judged: Unit = "shares" if are_shares(points) else "pixels"
+    unit = unit or (judged if own else options.unit or judged)
     size = frame_size or options.picture if unit == "shares" else None
     if size:
         points = points * np.array(size, np.float32)
@@ -134,7 +138,7 @@ def sequence(
     provenance["assumed"] = options.assumed(
         order="" if body else joints.name,
         axes="" if axes else said,
-        unit=unit,
+        unit="" if own and unit == "pixels" else unit,
         frame_size=None if frame_size else size,
         fps=options.rate if "times" in provenance else math.nan,
     )
