@@ -56,7 +56,7 @@ def render(
     found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
     limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-    with open_video(video, settings.pose.reader, limits, settings.options) as frames:
+    with open_video(video, settings.pose.reader, limits, settings.options, settings.video.fps) as frames:
         write = write_video if target.suffix.lower() == ".mp4" else write_strip
         count = write(overlay(frames, found), target)
     longest = max(sequence.frames_with_pose for sequence in found)

@@ -67,7 +67,9 @@ def load_poses(
         warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)
     for item in items:
         if item.kind == "broken":
-            raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
+            raise InputError(
+                item.fault, subject=item.name, remedy=item.remedy or "repairing it", code=item.code
+            )
     extracted = extract_all(items, _settings(settings, changes), workers=workers)
     by_key = {item.key: found for item, found in extracted}
     poses: list[PoseSequence] = []

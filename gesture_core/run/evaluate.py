@@ -182,7 +182,7 @@ def evaluate_archive(
     for point, candidate in zip(points, candidates, strict=True):
         check_settings(candidate)
         for key in point:
-            if find_key(key, ready, "--grid")[0] == "pose":
+            if find_key(key, ready, "--grid")[0] in ("pose", "video"):
                 raise ConfigError(
                     f"--grid {key}: keypoints are extracted once",
                     remedy="one evaluation for each value, with --set",
@@ -252,7 +252,8 @@ def _load(
     """
     identity = pose_identity(settings, any(item.kind == "video" for item in items))
     poses: list[PoseSequence | GestureError] = [
-        InputError(item.fault, subject=item.name, code=item.code or None) for item in items
+        InputError(item.fault, subject=item.name, remedy=item.remedy, code=item.code or None)
+        for item in items
     ]
     hashes = [""] * len(items)
     assumed: Counter[str] = Counter()
@@ -290,7 +291,9 @@ def _labelled(sources: Sequence[str], labels: str, avoid: Path | None) -> list[I
     labelled = label_inputs(found, labels, sources)
     for item in labelled:
         if not item.label:
-            raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
+            raise InputError(
+                item.fault, subject=item.name, remedy=item.remedy or "repairing it", code=item.code
+            )
     if len({item.label for item in labelled}) == 1:
         raise ConfigError(
             f"every input is called {labelled[0].label!r}: there is nothing to tell apart",

@@ -48,6 +48,7 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
         "package": gesture_core.__version__,
         "extraction": REVISION,
         "settings": pose,
+        "fps": settings.video.fps,
         "backend": str(plugins.find("pose", settings.pose.backend).origin),
         "options": settings.plugin_options(settings.pose.backend),
         "reader": {
@@ -87,7 +88,7 @@ def run_configuration(
     Without a ``kernel`` nothing is compared, and only what decides the keypoints counts.
     """
     if not kernel:
-        pose = {"pose": settings.as_dict()["pose"]}
+        pose = {section: settings.as_dict()[section] for section in ("video", "pose")}
         return {"settings": pose, "keypoints": dict(identity), "plugins": {}, "examples": {}}
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     steps = [registry().find(kind, name.partition(":")[0]) for kind, name in settings.plugins()]

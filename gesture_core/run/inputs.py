@@ -12,18 +12,24 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
-from gesture_core.files import printable
+from gesture_core.files import printable, unreadable
 from gesture_core.run.readers import Readers
 from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import LimitSettings
 from gesture_core.types import Job
+from gesture_core.video.containers import begins_as_video
 
 VIDEO_SUFFIXES = frozenset(
     ".mp4 .m4v .mov .qt .avi .mkv .webm .flv .f4v .wmv .asf .mpg .mpeg .m2v .vob .ts .mts .m2ts "
     ".3gp .3g2 .ogv .ogg .mxf .dv .gif .264 .h264 .265 .h265 .hevc .mjpg .mjpeg .y4m".split()
 )
+SOUND_SUFFIXES = frozenset(".m4a .m4b .m4r .mka .weba .oga .opus .spx .wma .mp3 .wav .flac .aac".split())
 PICTURE_SUFFIXES = frozenset(".jpg .jpeg .png .bmp .ppm .tif .tiff .webp".split())
+# What lies beside clips and never is one: notes, subtitles, thumbnails, and what file managers leave.
+COMPANIONS = frozenset(
+    ".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .xml .yaml .yml .toml .ini .db .lnk".split()
+)
 FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4)"
 """What to try with a picture."""
 NO_TEXT, SAVE_AS_TEXT = "is not text in UTF-8", "saving it as UTF-8"
@@ -49,8 +55,8 @@ class Input:
         Name of the keypoint reader.
     label : str or None
         The gesture, for examples and labelled archives.
-    code, fault : str
-        Why it cannot be read, where that is already known.
+    code, fault, remedy : str
+        Why it cannot be read, where that is already known, and what helps.
     """
 
     path: Path
@@ -61,6 +67,7 @@ class Input:
     label: str | None = None
     code: str = ""
     fault: str = ""
+    remedy: str = ""
 
     @property
     def key(self) -> bytes:
@@ -144,7 +151,7 @@ class _Walk:
                     self._been.clear()
                 for item in self.path(entry):
                     yield replace(item, label=label) if label else item
-        elif path.exists():
+        elif _exists(path):
             yield from self.path(path)
         else:
             text = os.fspath(path)
@@ -207,12 +214,8 @@ class _Walk:
 
     def _file(self, path: Path) -> Iterator[Input]:
         name = printable(os.fspath(path))
-        try:
-            fault = "" if path.is_file() else "is not a regular file" if path.exists() else "leads nowhere"
-        except OSError as error:
-            fault = f"cannot be looked at: {error.strerror}"
-        if fault:
-            yield _broken(path, "E_READ", fault)
+        if fault := unreadable(path):
+            yield _broken(path, "E_READ", *fault)
         elif _is_video(path):
             yield Input(path, name, "video")
         else:
@@ -221,8 +224,15 @@ class _Walk:
                 yield from self._members(path, reader)
             elif trouble:
                 yield _broken(path, *trouble)
+            elif self._may_be_video(path) and begins_as_video(path):
+                yield Input(path, name, "video")
             else:
                 yield Input(path, name, "other", fault="neither a video nor a keypoint file")
+
+    def _may_be_video(self, path: Path) -> bool:
+        """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""
+        suffix = path.suffix.lower()
+        return suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
 
     def _members(self, path: Path, reader: str) -> Iterator[Input]:
         name = printable(os.fspath(path))
@@ -237,8 +247,9 @@ class _Walk:
 
 
 def _exists(path: Path) -> bool:
+    """Whether there is anything, be it a link that leads nowhere."""
     try:
-        return path.exists()
+        return path.exists() or path.is_symlink()
     except OSError as error:
         if error.errno != errno.ENAMETOOLONG:
             raise
@@ -255,8 +266,8 @@ def _not_found(path: Path, where: str = "") -> InputError:
     )
 
 
-def _broken(path: Path, code: str, fault: str) -> Input:
-    return Input(path, printable(os.fspath(path)), "broken", code=code, fault=fault)
+def _broken(path: Path, code: str, fault: str, remedy: str = "") -> Input:
+    return Input(path, printable(os.fspath(path)), "broken", code=code, fault=fault, remedy=remedy)
 
 
 def _identity(folder: Path) -> tuple[int, int]:

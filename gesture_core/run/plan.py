@@ -14,7 +14,7 @@ from gesture_core.files import content_sha256, stamp
 from gesture_core.plugin import registry
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import differences, fingerprint, pose_identity, run_configuration
-from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input, discover
+from gesture_core.run.inputs import COMPANIONS, FRAMES, PICTURE_SUFFIXES, Input, discover
 from gesture_core.run.labels import label_folders, label_inputs
 from gesture_core.run.results import Results
 from gesture_core.run.workers.engines import Assistant
@@ -22,11 +22,6 @@ from gesture_core.settings import Settings
 
 if TYPE_CHECKING:
     from gesture_core.run.keypoint_files import KeypointFiles
-
-# What lies beside clips and never is one: notes, subtitles, thumbnails, and what file managers leave.
-_COMPANIONS = frozenset(
-    ".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .xml .yaml .yml .toml .ini .db .lnk".split()
-)
 
 
 @dataclass(frozen=True)
@@ -222,7 +217,7 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
     return [
         item
         for item in labelled
-        if item.kind != "other" or (item.label and item.path.suffix.lower() not in _COMPANIONS)
+        if item.kind != "other" or (item.label and item.path.suffix.lower() not in COMPANIONS)
     ]
 
 

@@ -63,6 +63,20 @@ class PoseSettings(_Section):
 
 
 @dataclass(frozen=True)
+class VideoSettings(_Section):
+    """How videos are read.
+
+    Attributes
+    ----------
+    fps : None or float
+        Frames per second of every video, instead of the times in the file; None takes these, and for
+        streams without times the rate that their codec says, or 25.
+    """
+
+    fps: float | None = None
+
+
+@dataclass(frozen=True)
 class SignalSettings(_Section):
     """The chain from keypoints to signals.
 
@@ -184,6 +198,7 @@ class LimitSettings(_Section):
 
 
 SECTIONS: Mapping[str, type] = {
+    "video": VideoSettings,
     "pose": PoseSettings,
     "signals": SignalSettings,
     "dtw": DtwSpec,
@@ -193,6 +208,7 @@ SECTIONS: Mapping[str, type] = {
 
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
+    "video.fps": (0.001, 100_000),
     "pose.height": (32, 4096),
     "pose.score": (0, 1),
     "pose.fps": (0.001, 100_000),
@@ -233,6 +249,7 @@ class Settings:
     """
 
     preset: str = DEFAULT_PRESET
+    video: VideoSettings = field(default_factory=VideoSettings)
     pose: PoseSettings = field(default_factory=PoseSettings)
     signals: SignalSettings = field(default_factory=SignalSettings)
     dtw: DtwSpec = field(default_factory=DtwSpec)

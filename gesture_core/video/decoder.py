@@ -14,8 +14,17 @@ from gesture_core.errors import GestureError, MediaError
 from gesture_core.files import printable
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReport
 from gesture_core.plugin.registry import calling
-from gesture_core.video.containers import open_container
-from gesture_core.video.frames import Clock, fit, upright
+from gesture_core.video.containers import UNTIMED, open_container
+from gesture_core.video.frames import (
+    DEFAULT_FPS,
+    Clock,
+    fit,
+    plausible_aspect,
+    square,
+    square_size,
+    upright,
+    variable_rate,
+)
 from gesture_core.video.integrity import MAX_FPS, DamageLog
 
 
@@ -23,8 +32,8 @@ class VideoDecoder(ABC):
     """One open video file. A context manager; iterate it once.
 
     A reader's own class has a name and two methods, `start` and `frames`. Times that run backwards, pictures
-    that lie on their side or change their size, limits on frames and seconds, and the report are handled
-    here.
+    that lie on their side or change their size, pixels that are not square, limits on frames and seconds, and
+    the report are handled here.
 
     ::
 
@@ -69,6 +78,7 @@ class VideoDecoder(ABC):
         self.limits = limits
         self.log = DamageLog()
         self.resources = ExitStack()
+        self._pixels = (1, 1)
         self._read = 0
         self._state: Literal["new", "running", "ended"] = "new"
         try:
@@ -102,17 +112,29 @@ class VideoDecoder(ABC):
             complete=self._state == "ended" and self.log.damaged == 0,
             notes=tuple(notes),
             reader=self.name,
+            assumed=self._assumed,
         )
+
+    @property
+    def _assumed(self) -> str:
+        """The frame rate of a stream without times, which its codec may or may not say."""
+        if self.container not in UNTIMED:
+            return ""
+        says = ", as its codec says" if self.info.fps else ""
+        return f"{self.info.fps or DEFAULT_FPS:g} frames/s{says} (video.fps)"
 
     def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
         if self._state != "new":
             raise MediaError("its reader was already used", subject=self.subject, remedy="open it again")
         self._state = "running"
         info, limits = self.info, self.limits
-        clock = Clock(info.fps, self.log)
+        clock, times = Clock(info.fps, self.log), list[float]()
         try:
             for stamp, stored in self.frames():
-                time = clock.at(stamp)
+                # What a demuxer makes up for a stream without times is a constant rate as well.
+                untimed = self.container in UNTIMED
+                time = clock.at(self._read / (info.fps or DEFAULT_FPS) if untimed else stamp)
+                times.append(time)
                 kept = f"{self._read} frames"
                 if self._read >= limits.max_frames:
                     remedy = "--set limits.frames=… with a larger figure, or cut the video"
@@ -123,6 +145,10 @@ class VideoDecoder(ABC):
                     raise self.error(
                         f"is longer than {limits.max_seconds:g} s", "E_MEDIA_LIMIT", remedy, kept
                     )
+                across, down = self._pixels
+                if across != down:
+                    self.check_size(*square_size(stored.shape[1], stored.shape[0], across, down))
+                    stored = square(stored, across, down)
                 frame = upright(stored, info.rotation, info.mirrored)
                 if frame.shape[:2] != (info.height, info.width):
                     size = f"{frame.shape[1]} x {frame.shape[0]}"
@@ -135,6 +161,8 @@ class VideoDecoder(ABC):
         except Exception:
             with calling(self):  # only now, as it reports each call to whoever watches this process
                 raise
+        if note := variable_rate(times):
+            self.log.note(note)
         self._state = "ended"
 
     def describe(
@@ -162,11 +190,17 @@ class VideoDecoder(ABC):
         codec, rotation, mirrored
             As in `VideoInfo`; any rotation counts as the nearest quarter turn.
         pixel_aspect : (int, int)
-            Width to height of one pixel.
+            Width to height of one pixel. What no camera has is taken as square, which the log says.
         """
         across, down = pixel_aspect
-        if across != down:
-            self.log.note(f"pixels are not square ({across}:{down}); pictures are used as they are stored")
+        if across != down and not plausible_aspect(across, down):
+            self.log.note(f"pixels of {across}:{down} are implausible and taken as square")
+        elif across != down:
+            self._pixels = across, down
+            stored = f"{width} x {height}"
+            width, height = square_size(width, height, across, down)
+            self.check_size(width, height)
+            self.log.note(f"pixels of {across}:{down} made square: {stored} shown as {width} x {height}")
         turned = round(rotation / 90) % 4 * 90
         if turned % 180:
             width, height = height, width
@@ -181,6 +215,12 @@ class VideoDecoder(ABC):
             reader=self.name,
             mirrored=mirrored,
         )
+
+    def change_pixels(self, across: int, down: int) -> None:
+        """Take the pixels of what follows as ``across`` to ``down``, for a reader that sees them change."""
+        if plausible_aspect(across, down) and (across, down) != self._pixels:
+            self._pixels = across, down
+            self.log.note(f"pixels become {across}:{down} half-way, made square")
 
     def check_size(self, width: float, height: float) -> None:
         """A MediaError where a picture of ``width`` x ``height`` pixels exceeds the limit.

@@ -170,7 +170,7 @@ class KeypointExtractor:
         from gesture_core.video import open_video
 
         limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-        with open_video(path, settings.pose.reader, limits, settings.options) as video:
+        with open_video(path, settings.pose.reader, limits, settings.options, settings.video.fps) as video:
             frames = _Counted(video, self._report)
             with calling(registry().find("pose", settings.pose.backend), passing=(OSError,)):
                 sequences = extract_poses(
@@ -184,6 +184,7 @@ class KeypointExtractor:
             "complete": bool(report.complete),
             "notes": [str(note) for note in report.notes],
             "seconds": frames.seconds,
+            "assumed": str(report.assumed),
         }
 
     def _from_reader(self, path: Path, member: str, name: str) -> tuple[list[PoseSequence], dict[str, Any]]:

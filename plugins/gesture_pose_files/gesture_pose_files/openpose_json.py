@@ -75,7 +75,7 @@ class OpenPoseJsonReader:
         Raises
         ------
         KeypointError
-            `E_KEYPOINTS_MEMBER`, `E_KEYPOINTS_LINK`, `E_KEYPOINTS_LIMIT`, `E_KEYPOINTS_MISSING`, and
+            `E_KEYPOINTS_MEMBER`, `E_KEYPOINTS_LIMIT`, `E_KEYPOINTS_MISSING`, and
             those of `json_frame.read_frame`, which name the file.
         """
         numbered = _choose(path, member)
@@ -137,7 +137,6 @@ def _sequences(folder: Path) -> dict[str, list[tuple[int, Path]]]:
     found: dict[str, list[tuple[int, Path]]] = {}
     count = 0
     try:
-        root = folder.resolve()
         with os.scandir(folder) as entries:
             for entry in entries:
                 match = _NAME.fullmatch(entry.name)
@@ -151,21 +150,9 @@ def _sequences(folder: Path) -> dict[str, list[tuple[int, Path]]]:
                         remedy="split it",
                         code="E_KEYPOINTS_LIMIT",
                     )
-                if entry.is_symlink():
-                    _check_link(Path(entry.path), root)
                 found.setdefault(match[1], []).append((int(match[2]), Path(entry.path)))
     except OSError as error:
         raise KeypointError(
             f"cannot be listed: {error.strerror}", subject=printable(folder), code="E_KEYPOINTS_UNREADABLE"
         ) from error
     return {name: sorted(found[name]) for name in sorted(found)}
-
-
-def _check_link(link: Path, root: Path) -> None:
-    if not link.resolve().is_relative_to(root):
-        raise KeypointError(
-            "is a link that leads out of its folder",
-            subject=printable(link),
-            remedy="copy the file itself",
-            code="E_KEYPOINTS_LINK",
-        )
