@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from gesture_core.cli.flags import SEVERAL, Flags, PoseFlags, RunFlags, Sources
+from gesture_core.cli.flags import SEVERAL, UNSAID, Flags, PoseFlags, RunFlags, Sources
 from gesture_core.cli.output import counted, named, print_rows, say, say_assumed, say_event, say_notes
 from gesture_core.errors import ConfigError
 
@@ -21,6 +21,7 @@ def classify(
     examples: Annotated[tuple[str, ...], SEVERAL],
     out: Path,
     labels: str = "folder",
+    label_columns: Annotated[str, UNSAID] = "",
     flags: Flags | None = None,
     run: RunFlags | None = None,
 ) -> int:
@@ -36,11 +37,14 @@ def classify(
     out
         The run folder: run.db holds the result. The same command again goes on where it stopped.
     labels
-        folder, a CSV file with path and label, or an expression for file names: '^(?P<label>[a-z]+)_'.
+        folder (the first below FOLDER), folder:-1 (the one that holds the clip) and other levels; a CSV
+        file with path and label; or an expression for file names: '^(?P<label>[a-z]+)_'.
+    label_columns
+        With a CSV file: its headings of path and label, such as filename,class; 1,2 where it has none.
     """
     if not examples:
         raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
-    return _execute(sources, out, flags, run, examples, labels)
+    return _execute(sources, out, flags, run, examples, labels, label_columns)
 
 
 def extract(*sources: Sources, out: Path, flags: PoseFlags | None = None, run: RunFlags | None = None) -> int:
@@ -63,6 +67,7 @@ def _execute(
     run: RunFlags | None,
     examples: tuple[str, ...] = (),
     labels: str = "folder",
+    label_columns: str = "",
 ) -> int:
     """Run what a command asks for, show it, and return the exit code; without examples, only extract."""
     from gesture_core.run.pipeline import run_archive
@@ -79,6 +84,7 @@ def _execute(
         run.engine,
         run.retry_errors,
         run.overwrite,
+        label_columns,
     )
     if run.quiet:
         return run_archive(request).exit_code

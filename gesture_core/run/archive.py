@@ -88,6 +88,7 @@ def classify_archive(
     settings: Settings | str | None = None,
     *,
     labels: str = "folder",
+    label_columns: str = "",
     workers: int = 0,
     engine: str = "processes",
     retry_errors: bool = False,
@@ -106,7 +107,10 @@ def classify_archive(
     settings, workers, changes
         As in `load_poses`.
     labels : str
-        ``"folder"``, a CSV file, or a regular expression with a group ``label``.
+        ``"folder"``, or ``"folder:-1"`` and other levels; a CSV file; or a regular expression with a group
+        ``label``.
+    label_columns : str
+        With a CSV file: the headings of path and label, such as ``"filename,class"``.
     engine : str
         Name of an execution engine: ``processes``, or ``inline`` for debugging.
     retry_errors, overwrite : bool
@@ -130,6 +134,7 @@ def classify_archive(
         engine,
         retry_errors=retry_errors,
         overwrite=overwrite,
+        label_columns=label_columns,
     )
     return run_archive(request, listener)
 

@@ -109,6 +109,7 @@ def evaluate_archive(
     *,
     protocol: str = "leave-one-subject-out",
     labels: str = "folder",
+    label_columns: str = "",
     subjects: str = "",
     train: str = "",
     grid: Mapping[str, Sequence[Any]] | None = None,
@@ -132,6 +133,8 @@ def evaluate_archive(
         subject in turn), or ``split``.
     labels : str
         ``folder``, a CSV file, or a regular expression with a group ``label``, as in `classify_archive`.
+    label_columns : str
+        With a CSV file: the headings of path and label, such as ``"filename,class"``.
     subjects : str
         Regular expression whose group ``subject``, or first group, finds who performs in the name of a file;
         by default the group ``subject`` of ``labels``, if it has one.
@@ -189,7 +192,7 @@ def evaluate_archive(
                     code="E_OPTION",
                 )
             check_option(key, candidate, "--grid")
-    items = _labelled(as_strings(sources), labels, avoid)
+    items = _labelled(as_strings(sources), labels, label_columns, avoid)
     who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
     examples = _examples(items, train, protocol)
     neighbors = max(candidate.classify.neighbors for candidate in candidates)
@@ -274,7 +277,7 @@ def _load(
     return poses, hashes, identity, assumed
 
 
-def _labelled(sources: Sequence[str], labels: str, avoid: Path | None) -> list[Input]:
+def _labelled(sources: Sequence[str], labels: str, columns: str, avoid: Path | None) -> list[Input]:
     """The inputs with their labels; those that cannot be read are among them and count as wrong."""
     every = discover(sources, avoid=avoid)
     found = [item for item in every if item.kind != "other"]
@@ -288,7 +291,7 @@ def _labelled(sources: Sequence[str], labels: str, avoid: Path | None) -> list[I
     if others := [printable(item.name) for item in every if item.kind == "other"]:
         count = f"{len(others)} file{'s' if others[1:] else ''}"
         _warn(f"left out as neither video nor keypoints: {count}, {_some(others)}")
-    labelled = label_inputs(found, labels, sources)
+    labelled = label_inputs(found, labels, sources, columns)
     for item in labelled:
         if not item.label:
             raise InputError(
