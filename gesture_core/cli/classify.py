@@ -7,7 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from gesture_core.cli.flags import SEVERAL, UNSAID, Flags, PoseFlags, RunFlags, Sources
-from gesture_core.cli.output import counted, named, print_rows, say, say_assumed, say_event, say_notes
+from gesture_core.cli.output import (
+    counted,
+    named,
+    print_rows,
+    say,
+    say_assumed,
+    say_event,
+    say_notes,
+    warnings_as_lines,
+)
 from gesture_core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -90,7 +99,7 @@ def _execute(
         return run_archive(request).exit_code
     from gesture_core.cli.progress import progress
 
-    with progress(sources, examples) as listener:
+    with progress(sources, examples) as listener, warnings_as_lines(events=True):
         summary = run_archive(request, listener)
     print_rows(summary.rows(), classified=bool(examples))
     say_summary(summary)
@@ -117,6 +126,7 @@ def say_summary(summary: RunSummary) -> None:
         gone=summary.gone,
         assumed=dict(summary.assumed),
         notes=dict(summary.notes),
+        warnings=_warnings(summary),
         database=str(summary.out / "run.db"),
         fingerprint=summary.fingerprint,
         exit_code=summary.exit_code,
@@ -149,12 +159,21 @@ def _say_to_people(summary: RunSummary) -> None:
     if summary.classes:
         classes = [f"{label} {number}" for label, number in summary.classes.items()]
         say(f"examples: {named(classes, _CLASSES_SHOWN)}")
+    for warning in _warnings(summary):
+        say(warning)
+
+
+def _warnings(summary: RunSummary) -> list[str]:
+    """What makes labels less than they seem."""
+    found = []
     if len(summary.classes) == 1:
-        say("all examples have one label: every input that is near enough gets it")
+        found.append("all examples have one label: every input that is near enough gets it")
     if summary.inputs_among_examples == 1:
-        say("1 input is among the examples itself: its label is no result")
+        found.append("1 input is among the examples itself: its label is no result")
     elif summary.inputs_among_examples:
         number = summary.inputs_among_examples
-        say(f"{number} inputs are among the examples themselves: their labels are no result")
+        found.append(f"{number} inputs are among the examples themselves: their labels are no result")
     if summary.lost_classes:
-        say(f"no example of {', '.join(summary.lost_classes)} can be used: no input gets such a label")
+        lost = ", ".join(summary.lost_classes)
+        found.append(f"no example of {lost} can be used: no input gets such a label")
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import glob
 import os
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -102,6 +103,11 @@ def discover(
         Each once, sorted by name within a folder. Names that begin with a dot, and the journals of
         runs, are passed over.
 
+    Warns
+    -----
+    UserWarning
+        Where one of several sources holds nothing.
+
     Raises
     ------
     InputError
@@ -112,12 +118,16 @@ def discover(
             return discover(sources, avoid=avoid, assistant=own)
     walk = _Walk(avoid, Readers(assistant))
     found: dict[bytes, Input] = {}
+    empty = []
     for source in sources:
         if "://" in os.fspath(source):
             raise InputError(
                 "is an address", subject=str(source), remedy="downloading it first", code="E_NOT_FOUND"
             )
-        for item in walk.source(Path(source)):
+        before, items = walk.passed, list(walk.source(Path(source)))
+        if not items and walk.passed == before:
+            empty.append(printable(os.fspath(source)))
+        for item in items:
             known = found.setdefault(item.key, item)
             if known.label and item.label and known.label != item.label:
                 raise InputError(
@@ -126,6 +136,8 @@ def discover(
                     remedy="one line for it in the manifest",
                     code="E_CONTRADICTION",
                 )
+    if empty and found:
+        warnings.warn(f"holds nothing to read: {', '.join(empty)}", stacklevel=2)
     return list(found.values())
 
 
@@ -136,6 +148,8 @@ class _Walk:
         self._avoid = _identity(avoid) if avoid and avoid.exists() else None
         self._readers = readers
         self._been: set[tuple[int, int]] = set()
+        self.passed = 0
+        """Folders that were not entered, since they had been entered before."""
 
     def source(self, path: Path) -> Iterator[Input]:
         """Inputs of something that the user named: a path, a glob or a manifest."""
@@ -180,6 +194,7 @@ class _Walk:
         try:
             identity = _identity(folder)
             if identity == self._avoid or identity in self._been:
+                self.passed += 1
                 return
             self._been.add(identity)
             entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))

@@ -121,7 +121,7 @@ class FolderLabels:
         names = _listed({folders[level] for folders in tree})
         number = -1 if {len(folders) for folders in tree} == {level + 1} else level
         raise ConfigError(
-            f"{what}: the same folders lie in each of them, {names}",
+            f"{what}; below {'it' if len(top) == 1 else 'each of them'} lie folders such as {names}",
             remedy=f"--labels folder:{number} for {names}; {anyway}",
             code="E_LABELS",
         )
