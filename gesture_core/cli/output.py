@@ -124,7 +124,8 @@ def row_table(rows: Sequence[Row], *, classified: bool = True) -> None:
     if classified:
         columns, right = ["input", "label", "distance", "margin", "nearest example", "status"], [2, 3]
     else:
-        columns, right = ["input", "frames", "with a pose", "seconds", "status"], [1, 2, 3]
+        columns = ["input", "frames", "looked at", "with a pose", "seconds", "status"]
+        right = [1, 2, 3, 4]
     base = _common_folder([row.input for row in rows])
     cells: list[list[str | Text]] = []
     for row in rows:
@@ -134,7 +135,8 @@ def row_table(rows: Sequence[Row], *, classified: bool = True) -> None:
             numbers = ["" if value is None else f"{value:.3f}" for value in (row.distance, row.margin)]
             cells.append([name, row.label or "-", *numbers, _nearest(row), status])
         else:
-            frames = [str(row.frames_read), str(row.frames_with_pose), f"{row.seconds:.1f}"]
+            counts = (row.frames_read, row.frames_looked_at, row.frames_with_pose)
+            frames = [*map(str, counts), f"{row.seconds:.1f}"]
             cells.append([name, *frames, status])
     print_table(columns, cells, right=[columns[i] for i in right])
 

@@ -117,7 +117,8 @@ def _people(
     spellings: dict[str, list[str]] = {}  # an input may be an example too, under another name
     for name, path in paths.items():
         spellings.setdefault(_place(path, name.partition("::")[2]), []).append(name)
-    items = [item for item in _inputs(paths) if _place(item.path, printable(item.member)) in spellings]
+    found_items = _inputs(paths, settings)
+    items = [item for item in found_items if _place(item.path, printable(item.member)) in spellings]
     people: dict[str, list[PoseSequence]] = {}
     for item, found, sequences in people_of(items, settings, listener=listener):
         for name in spellings[_place(item.path, printable(item.member))]:
@@ -144,10 +145,10 @@ def _place(path: Path, member: str) -> str:
     return f"{path.resolve()}::{member}"
 
 
-def _inputs(paths: Mapping[str, Path]) -> list[Input]:
+def _inputs(paths: Mapping[str, Path], settings: Settings) -> list[Input]:
     """What is in the files and folders of inputs, by their names; each is looked into once."""
     try:
-        return discover(list(dict.fromkeys(paths.values())))
+        return discover(list(dict.fromkeys(paths.values())), settings=settings)
     except InputError as error:
         raise InputError(
             "is not where the run found it",

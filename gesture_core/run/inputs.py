@@ -17,7 +17,7 @@ from gesture_core.run.manifests import read_manifest
 from gesture_core.run.readers import Readers
 from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
-from gesture_core.settings import LimitSettings
+from gesture_core.settings import Settings
 from gesture_core.types import Job
 from gesture_core.video.containers import begins_as_video
 
@@ -84,6 +84,7 @@ def discover(
     *,
     avoid: Path | None = None,
     assistant: Assistant | None = None,
+    settings: Settings | None = None,
 ) -> list[Input]:
     """Inputs in ``sources``: files, folders (walked), globs, or text and CSV manifests.
 
@@ -95,7 +96,9 @@ def discover(
     avoid : Path, optional
         A folder that is not walked into: the run folder.
     assistant : Assistant, optional
-        Where keypoint readers are asked what is theirs; one of its own by default.
+        Where keypoint readers are asked what is theirs; one of its own by default, with the ``settings``.
+    settings : Settings, optional
+        What files leave open may decide who reads them.
 
     Returns
     -------
@@ -114,7 +117,8 @@ def discover(
         Where a source or a path in a manifest does not exist, or is listed with two labels.
     """
     if assistant is None:
-        with Assistant(Job({}, ""), LimitSettings()) as own:
+        settings = settings or Settings()
+        with Assistant(Job(settings.as_dict(), ""), settings.limits) as own:
             return discover(sources, avoid=avoid, assistant=own)
     walk = _Walk(avoid, Readers(assistant))
     found: dict[bytes, Input] = {}
@@ -240,7 +244,7 @@ class _Walk:
             elif self._may_be_video(path) and begins_as_video(path):
                 yield Input(path, name, "video")
             else:
-                yield Input(path, name, "other", fault="neither a video nor a keypoint file")
+                yield Input(path, name, "other", fault=self._readers.why_not(path))
 
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""

@@ -39,6 +39,9 @@ class Listener:
     def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
         """The work is known: all inputs, those that still wait, the examples, the kernel."""
 
+    def network(self, text: str) -> None:
+        """What finds people in videos, and where, in words."""
+
     def frames(self, name: str, count: int) -> None:
         """``count`` further frames of an input are done."""
 
@@ -103,8 +106,12 @@ class RunSummary:
 
     @property
     def exit_code(self) -> int:
-        """0 when every row is whole, 3 where there are errors, degraded rows, or examples that are lost."""
+        """0 when every row is whole, 3 where there are errors, degraded rows, or examples that are lost.
+
+        Also 3 where every input was skipped: then nothing was read.
+        """
         flawed = self.counts.get("error", 0) + self.counts.get("degraded", 0)
+        flawed += bool(self.counts) and set(self.counts) == {"skipped"}
         return 3 if flawed or self.failed_examples or self.lost_classes else 0
 
     def rows(self) -> list[Row]:
@@ -135,6 +142,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     ):
         plan = make_plan(request, results, assistant)
         listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
+        if plan.network:
+            listener.network(plan.network)
         run = _Run(request, plan, results, assistant, listener)
         if plan.waiting:
             run.work()

@@ -68,6 +68,7 @@ def rows_of(
         found.sha256,
         frames_declared=found.frames_declared,
         frames_read=found.frames_read,
+        frames_looked_at=found.frames_looked_at,
         seconds=found.seconds,
         attempts=found.attempts,
         plugin=found.plugin,
@@ -78,18 +79,21 @@ def rows_of(
         return [replace(base, code=found.code, message=_about(item, found.message))]
     if not found.people:
         message = (
-            f"{item.name}: nobody was found in {found.frames_read} frames; "
+            f"{item.name}: nobody was found in the {found.frames_looked_at} frames that were looked at; "
             "try: another --pose or --model, or gesture render to see what the network sees"
         )
         nobody = replace(base, status=Code.NO_PERSON.status, code="E_NO_PERSON", message=message)
         return [_with_damage(nobody, item, found)]
     rows = []
-    for number, (person, frames) in enumerate(found.people):
+    for number, seen in enumerate(found.people):
         prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
         code = Code.of(prediction.code)
         row = replace(
             base,
-            person=person,
+            person=seen.person,
+            start=seen.start,
+            end=seen.end,
+            box=seen.box,
             label=prediction.label,
             distance=prediction.distance,
             margin=prediction.margin,
@@ -98,7 +102,7 @@ def rows_of(
             code=prediction.code,
             message=_about(item, prediction.message)
             + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
-            frames_with_pose=frames,
+            frames_with_pose=seen.frames,
             selected=prediction.selected,
         )
         rows.append(_with_damage(row, item, found))

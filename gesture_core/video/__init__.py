@@ -14,6 +14,7 @@ the names below.
 
 from gesture_core.video.containers import CONTAINERS, UNTIMED
 from gesture_core.video.decoder import VideoDecoder
+from gesture_core.video.frames import LazyPicture, at_rate, pictures
 from gesture_core.video.integrity import DamageLog, Integrity
 from gesture_core.video.reader import open_video, reader_name
 
@@ -22,7 +23,10 @@ __all__ = [
     "UNTIMED",
     "DamageLog",
     "Integrity",
+    "LazyPicture",
     "VideoDecoder",
+    "at_rate",
     "open_video",
+    "pictures",
     "reader_name",
 ]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from gesture_core.errors import MissingDependencyError
 from gesture_core.plugin.interfaces import Video, VideoInfo, VideoLimits, VideoReader, VideoReport
 from gesture_core.plugin.registry import calling, registry
+from gesture_core.video.frames import Picture, pictures
 
 if TYPE_CHECKING:
     import numpy as np
@@ -77,8 +78,13 @@ class _Paced:
         return replace(found, assumed=f"{self._fps:g} frames/s{instead} (video.fps)")
 
     def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
-        for number, (_, frame) in enumerate(self._video):
-            yield number / self._fps, frame
+        for time, convert in self.pictures():
+            if (frame := convert()) is not None:
+                yield time, frame
+
+    def pictures(self) -> Iterator[Picture]:
+        for number, (_, convert) in enumerate(pictures(self._video)):
+            yield number / self._fps, convert
 
     def __enter__(self) -> Self:
         self._video.__enter__()

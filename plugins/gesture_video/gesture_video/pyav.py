@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from fractions import Fraction
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NoReturn, cast
@@ -21,7 +22,7 @@ import numpy as np
 
 from gesture_core.errors import MissingDependencyError
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits
-from gesture_core.video import UNTIMED, Integrity, VideoDecoder
+from gesture_core.video import UNTIMED, Integrity, LazyPicture, VideoDecoder
 from gesture_video.decoder_log import DecoderLog, errors_are_logged
 from gesture_video.streams import Lengths, choose_stream, count_packets, tagged_frames
 
@@ -168,17 +169,12 @@ class PyAvDecoder(VideoDecoder):
         context.thread_count = 1
         context.thread_type = "NONE"
 
-    def frames(self) -> Iterator[tuple[float | None, np.ndarray]]:
+    def frames(self) -> Iterator[tuple[float | None, LazyPicture]]:
         fatal = True  # without its first picture there is no video
         for stamp, frame in self._decoded:
             self._follow_pixels()
-            with self._decoder_log.call(fatal) as call:
-                self.check_size(frame.width, frame.height)
-                # Bicubic as in OpenCV, so that the two readers give the same picture.
-                converted = self._converter.reformat(frame, format="bgr24", interpolation="BICUBIC")
-                picture: np.ndarray = converted.to_ndarray()
-            if not call.failed:
-                yield stamp, picture
+            self.check_size(frame.width, frame.height)
+            yield stamp, LazyPicture(frame.width, frame.height, partial(self._convert, frame, fatal))
             fatal = False
         stream, whole = self._stream, self._container.duration
         shown = None
@@ -193,6 +189,14 @@ class PyAvDecoder(VideoDecoder):
             indexed=len(getattr(stream, "index_entries", ())),
             picture_streams=len(self._container.streams.video),
         )
+
+    def _convert(self, frame: VideoFrame, fatal: bool) -> np.ndarray | None:
+        """The picture of a frame, None where FFmpeg cannot convert it."""
+        with self._decoder_log.call(fatal) as call:
+            # Bicubic as in OpenCV, so that the two readers give the same picture.
+            converted = self._converter.reformat(frame, format="bgr24", interpolation="BICUBIC")
+            picture: np.ndarray = converted.to_ndarray()
+        return None if call.failed else picture
 
     def _follow_pixels(self) -> None:
         """A broadcast changes from 4:3 to 16:9 without another size of its pictures."""
