@@ -19,6 +19,10 @@ _LEVEL = re.compile(r"folder(?::(-?\d+))?")
 _PARTS = frozenset(
     "train training trn val valid validation dev eval evaluation test testing tst holdout".split()
 )
+# What people are called in front of their number.
+_PEOPLE = frozenset(
+    "s sub subj subject p person people u user a actor participant signer performer id".split()
+)
 _NUMBER = re.compile(r"[\d\W_]+")
 # Of the folders that lie in any of the folders above, each of these holds this share on average: the same.
 _ALIKE = 0.5
@@ -108,7 +112,7 @@ class FolderLabels:
         if not parts and not (depth > 1 and _repeats(tree, 0)):
             return
         level = 1
-        while level + 1 < depth and (_is_numbered(tree, level) or _repeats(tree, level)):
+        while level + 1 < depth and (_numbered(tree, level) is not None or _repeats(tree, level)):
             level += 1
         what = (
             f"{_listed(top)} look like {'parts of a data set' if parts else 'people or places'}, not labels"
@@ -172,11 +176,12 @@ def _are_parts(names: Iterable[str]) -> bool:
     return all(_NUMBER.sub("", name).casefold() in _PARTS for name in names)
 
 
-def _is_numbered(tree: Sequence[Folders], level: int) -> bool:
-    """Whether the folders of a level are called alike but for a number: people, cameras, takes, days."""
+def _numbered(tree: Sequence[Folders], level: int) -> str | None:
+    """What all folders of a level are called in front of their number (people, cameras, days), else None."""
     names = {folders[level] for folders in tree if len(folders) > level}
     stems = {_NUMBER.sub("", name).casefold() for name in names}
-    return len(stems) == 1 and all(any(letter.isdigit() for letter in name) for name in names)
+    alike = len(stems) == 1 and all(any(letter.isdigit() for letter in name) for name in names)
+    return stems.pop() if alike else None
 
 
 def _repeats(tree: Sequence[Folders], level: int) -> bool:
@@ -187,7 +192,8 @@ def _repeats(tree: Sequence[Folders], level: int) -> bool:
     every = set().union(*inside.values())
     shares = [len(names) / len(every) for names in inside.values()]
     alike = len(every) > 1 and sum(shares) / len(shares) >= _ALIKE
-    return alike and (_is_numbered(tree, level) or not _is_numbered(tree, level + 1))
+    here, below = _numbered(tree, level), _numbered(tree, level + 1)
+    return alike and (below is None or (here is not None and (here in _PEOPLE or below not in _PEOPLE)))
 
 
 def _listed(names: Iterable[str]) -> str:

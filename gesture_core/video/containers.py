@@ -110,6 +110,8 @@ def _container_of(head: bytes, suffix: str) -> str:
         return "mov"
     if head.startswith(b"RIFF") and head[8:12] in (b"AVI ", b"AVIX", b"AMV "):
         return "avi"
+    if head.startswith(b"RIFF") and head[8:12] == b"CDXA":  # a file of a video CD, sectors and all
+        return "mpeg"
     for magic, name in _MAGIC.items():
         if head.startswith(magic):
             return name

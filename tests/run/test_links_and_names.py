@@ -156,6 +156,24 @@ def test_streams_without_a_container_are_known_by_their_first_unit(tmp_path: Pat
             assert video.info.container == container and sum(1 for _ in video) == 4
 
 
+def test_a_file_of_a_video_cd_is_a_video(tmp_path: Path) -> None:
+    av = pytest.importorskip("av", reason="clips are made with PyAV")
+    with av.open(str(tmp_path / "clip.mpg"), "w", format="vcd") as out:
+        stream = out.add_stream("mpeg1video", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
+        for _ in range(12):
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(np.zeros((64, 64, 3), np.uint8), "bgr24")))
+        out.mux(stream.encode())
+    stored, disc = (tmp_path / "clip.mpg").read_bytes(), b"RIFF\0\0\0\0CDXAfmt " + bytes(28)
+    for start in range(0, len(stored), 2324):  # sectors of 2,352 bytes
+        sector = stored[start : start + 2324].ljust(2324, b"\0")
+        disc += b"\0" + b"\xff" * 10 + b"\0" + bytes(12) + sector + bytes(4)
+    (tmp_path / "AVSEQ01.DAT").write_bytes(disc)
+    assert one(tmp_path / "AVSEQ01.DAT").kind == "video"
+    with open_video(tmp_path / "AVSEQ01.DAT", "pyav") as video:
+        assert sum(1 for _ in video) == 12
+
+
 @pytest.mark.parametrize(
     ("name", "content"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -115,6 +116,16 @@ def test_pixels_that_are_not_square_are_squared(
     # The bright block is where it is in the picture without the note, stretched.
     (y, x), (y0, x0) = (np.mean(np.nonzero(f[..., 1] > 200), axis=1) for f in (found.frames[9], picture(9)))
     np.testing.assert_allclose([x / size[0], y / size[1]], [x0 / SIZE[0], y0 / SIZE[1]], atol=0.03)
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_the_containers_word_on_pixels_counts_more_than_the_codecs(tmp_path: Path, reader: str) -> None:
+    path = write_tracks(tmp_path / "v.mp4", [Track(codec="libx264", pixels=Fraction(4, 3))])
+    before, after = (b"pasp" + struct.pack(">2I", *pixels) for pixels in ((4, 3), (2, 1)))
+    assert path.read_bytes().count(before) == 1
+    path.write_bytes(path.read_bytes().replace(before, after))
+    found = read(path, reader)
+    assert (found.info.width, found.info.height) == (192, 64) and len(found.report.notes) == 1
 
 
 @pytest.mark.parametrize("reader", READERS)
