@@ -109,8 +109,8 @@ class KnownModel:
     packaged : str
         ``package:path`` of a file that an installed package brings.
     gestures, frames : int
-        Of those that ``auto`` chooses from, as measured by the project: percentage of 15 gestures of new
-        people that are told apart, and frames a second on one core.
+        Of those that ``auto`` chooses from: percentage of 15 gestures of new people that were told apart by
+        examples of five others, and frames a second on one core.
     """
 
     name: str

@@ -22,7 +22,7 @@ REACH = 1.75
 """Radius of that circle in torso lengths: the median of what BlazePose says in 3,300 frames."""
 LOOKS = 3
 """Times that a find is looked at, each time in the region that follows from it."""
-AGREED = 0.65
+AGREED = 0.45
 """Median distance in torso lengths between the joints of both networks up to which they see the same body. On
 drawn shapes and clouds that BlazePose takes for a person three times it is 0.7 to 1.9, on most people 0.1."""
 
@@ -43,7 +43,8 @@ class Region:
         radius = float(np.hypot(*up))
         if not radius > 2:
             return None
-        return cls(*middle.tolist(), 2 * ROOM * radius, float(np.arctan2(up[0], -up[1])))
+        x, y = middle.tolist()
+        return cls(x, y, 2 * ROOM * radius, float(np.arctan2(up[0], -up[1])))
 
     @classmethod
     def of(cls, body: Body) -> Region | None:
@@ -64,10 +65,10 @@ class Region:
         """(pixels, pixels, 3) picture of the square; what lies outside the frame is black."""
         import cv2
 
-        while self.side > 4 * pixels:  # thin limbs would fall between the samples
-            return replace(self, x=self.x / 2, y=self.y / 2, side=self.side / 2).view(
-                cv2.resize(frame, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), pixels
-            )
+        if self.side > 4 * pixels:  # thin limbs would fall between the samples
+            half = replace(self, x=self.x / 2 - 0.25, y=self.y / 2 - 0.25, side=self.side / 2)
+            size = max(frame.shape[1] // 2, 1), max(frame.shape[0] // 2, 1)
+            return half.view(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), pixels)
         how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         picture: np.ndarray = cv2.warpAffine(frame, self._onto_frame(pixels), (pixels, pixels), flags=how)
         return picture
@@ -77,7 +78,8 @@ class Region:
         onto = self._onto_frame(pixels)
 
         def back(points: np.ndarray) -> np.ndarray:
-            return (points @ onto[:, :2].T + onto[:, 2]).astype(np.float32)
+            moved: np.ndarray = (points @ onto[:, :2].T + onto[:, 2]).astype(np.float32)
+            return moved
 
         region = None if person.region is None else back(person.region)
         return replace(person, keypoints=back(person.keypoints), region=region)
