@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-SOMEBODY = ("data_streams.mp4", "sample.flv", "sample_av1.mp4", "sample_partially_fragmented.mp4")
+SOMEBODY = ("sample.flv", "sample_av1.mp4", "sample_partially_fragmented.mp4")
 """Of ``nasty_media``: files that show a person; the others that can be read show nobody, by eye."""
-SOMETIMES = ("awesome_movie.mov",)
-"""A person who holds a sheet of paper before themselves for half of the time."""
+SOMETIMES = ("awesome_movie.mov", "data_streams.mp4")
+"""A person who holds a sheet of paper before themselves for half of the time; one who fades in from black."""
 _BARS = np.array(
     [(255, 255, 255), (0, 255, 255), (255, 255, 0), (0, 255, 0), (255, 0, 255), (0, 0, 255), (255, 0, 0)]
 )
