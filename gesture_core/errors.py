@@ -115,7 +115,7 @@ class Code(StrEnum):
     KEYPOINTS_TIMES = "E_KEYPOINTS_TIMES", "times are not finite, ascending seconds", "correct the times"
     KEYPOINTS_SKELETON = "E_KEYPOINTS_SKELETON", "the joints are of no known layout", "name the skeleton"
     KEYPOINTS_MEMBER = "E_KEYPOINTS_MEMBER", "a file has no sequence of this name", "one of those it has"
-    KEYPOINTS_LINK = "E_KEYPOINTS_LINK", "a link leads out of its folder", "copy the file itself"
+    KEYPOINTS_IMPLAUSIBLE = "E_KEYPOINTS_IMPLAUSIBLE", "keypoints of no possible body", "other keypoints.…"
     KEYPOINTS_LIMIT = "E_KEYPOINTS_LIMIT", "a keypoint file exceeds a limit", "a larger limits.frames"
     SKELETON = "E_SKELETON", "no such skeleton", "one that the message lists"
 

@@ -145,7 +145,7 @@ def _show(found: Registry, name: str) -> None:
         target = found.load(kind, name)
         print(f"{entry.title} of {entry.origin}: {entry.summary}\n{entry.target}\n")
         print(documentation(target), end="\n\n")
-        options = options_of(target, KINDS[kind].given)
+        options = options_of(target, KINDS[kind].filled)
         if not options:
             continue
         columns, rows = ["option", "default"], [[f"{name}.{option}", value] for option, value in options]

@@ -103,7 +103,7 @@ def _plugin(name: str, settings: Settings) -> Iterator[Setting]:
         if plugin == base:
             target = registry().load(kind, base)
             entries = _entries(documentation(target), "Parameters")
-            for option, default in options_of(target, KINDS[kind].given):
+            for option, default in options_of(target, KINDS[kind].filled):
                 type_, meaning = entries.get(option, ("", ""))
                 value = written(given[option]) if option in given else default
                 yield Setting(f"{name}.{option}", type_, default, value, meaning)

@@ -25,13 +25,20 @@ if TYPE_CHECKING:
 class Kind:
     """A kind of plugin: its name in the registry, its hook, and its name in sentences.
 
-    ``given`` are parameters that the program fills in, so that they are no options.
+    ``given`` are parameters that the program fills in, so that they are no options; ``offered`` are
+    those that it fills in where a class takes them.
     """
 
     name: str
     hook: str
     title: str
     given: tuple[str, ...] = ()
+    offered: tuple[str, ...] = ()
+
+    @property
+    def filled(self) -> tuple[str, ...]:
+        """Parameters that are no options."""
+        return self.given + self.offered
 
 
 KINDS: Mapping[str, Kind] = {
@@ -39,7 +46,7 @@ KINDS: Mapping[str, Kind] = {
     for kind in (
         Kind("video", "register_video_readers", "video reader"),
         Kind("pose", "register_pose_backends", "pose backend", ("model",)),
-        Kind("reader", "register_keypoint_readers", "keypoint reader"),
+        Kind("reader", "register_keypoint_readers", "keypoint reader", (), ("options", "people")),
         Kind("normalizer", "register_normalizers", "normalizer"),
         Kind("filter", "register_filters", "filter"),
         Kind("selector", "register_selectors", "dimension selector"),
@@ -133,6 +140,9 @@ class VideoReport:
         What was found, one clause each.
     reader : str
         Name of the video reader.
+    assumed : str
+        What the file does not say and was assumed, such as the frame rate of a stream without times, with
+        the setting that says otherwise.
     """
 
     frames_declared: int | None
@@ -141,6 +151,7 @@ class VideoReport:
     complete: bool
     notes: tuple[str, ...] = ()
     reader: str = ""
+    assumed: str = ""
 
 
 class Video(Protocol):
@@ -220,6 +231,9 @@ class Person:
         over time (`gesture_core.pose.temporal`) may take another place than the best of one frame.
     presence : float
         Probability in 0..1 that this is a person at all.
+    region : (2, 2) float array, optional
+        Of a network that sees regions (`RegionFollowing`): the middle of the body, and the point above the
+        head of the circle around it that all of the body can reach.
     others : int
         How many more people the network saw in the picture, where only this one was asked for.
     """
@@ -228,6 +242,7 @@ class Person:
     scores: np.ndarray
     peaks: np.ndarray | None = None
     presence: float = 1.0
+    region: np.ndarray | None = None
     others: int = 0
 
 
@@ -319,9 +334,16 @@ class Traceable(Protocol):
 class KeypointReader(Protocol):
     """Reads ready-made keypoint files.
 
-    A reader whose options include ``fps`` or ``people`` is given those of the section [pose]. What a
-    file does not say and the reader assumes, such as the frames a second, is named in
-    ``PoseSequence.provenance["assumed"]``; the end of a run says for how many files.
+    A reader whose constructor takes ``options`` (a `gesture_core.plugin.reading.ReadOptions`) is given what
+    the user says of files that leave it open: axes, unit, frame size, order of the joints, rate. One that
+    takes ``people`` is given ``pose.people``. A reader of files that say everything themselves needs neither.
+
+    What is assumed of a file that leaves it open is named in ``PoseSequence.provenance["assumed"]``, which
+    `ReadOptions.assumed` writes; what of a file is not used, or was put right, in ``provenance["notes"]``,
+    clauses separated by ``"; "``. Both stand in the row, and the end of a run says of how many files.
+    ``provenance["unit"]`` is ``metres`` where coordinates are no pixels.
+    Frames that cannot be read count as frames without people, and ``provenance["lost"]`` says how many they
+    are and why: the row is degraded.
     """
 
     def accepts(self, path: Path) -> bool:
@@ -337,6 +359,18 @@ class KeypointReader(Protocol):
 
     def read(self, path: Path, member: str = "") -> list[PoseSequence]:
         """One sequence for each person in ``member`` of ``path``; a KeypointError says what is wrong."""
+        ...
+
+
+@runtime_checkable
+class ExplainsRefusal(Protocol):
+    """A keypoint reader that says of a file with one of its suffixes why it does not take it."""
+
+    def refusal(self, path: Path) -> str:
+        """Why `KeypointReader.accepts` is false for ``path``, quoting what it begins with.
+
+        Empty where the file is nothing like its own, so that another reader's reason is the better one.
+        """
         ...
 
 

@@ -81,7 +81,7 @@ def _openpose(
         own = next((out.reshape(-1) for out in outputs if out.ndim <= 2 and out.size == len(maps)), None)
         presence = np.ones(len(maps)) if own is None else np.clip(own, 0, 1)
         return [
-            [Person(one[:, 0, :2], one[:, 0, 2], one, float(there), _others(one) if several else 0)]
+            [Person(one[:, 0, :2], one[:, 0, 2], one, float(there), others=_others(one) if several else 0)]
             for one, there in zip(peaks, presence, strict=True)
         ]
     if not several:
@@ -150,8 +150,9 @@ def _blazepose(outputs: list[np.ndarray]) -> list[list[Person]]:
     (landmarks,) = (out.reshape(-1, 39, 5) for out in outputs if out[0].size == BLAZEPOSE)
     (there,) = (out.reshape(-1) for out in outputs if out[0].size == 1)
     return [
-        [Person(one[:33, :2] - 0.5, expit(one[:33, 3]), presence=float(presence))]
+        [Person(points[:33], expit(one[:33, 3]), None, float(presence), points[33:35])]
         for one, presence in zip(landmarks, there, strict=True)
+        for points in [one[:, :2] - 0.5]
     ]
 
 

@@ -285,7 +285,8 @@ class NetworkBackend(ABC):
         peaks = None if person.peaks is None else found[:, 1:]
         # Copies, so that the joints do not keep the peaks in memory.
         places, sure = found[:, 0, :2].copy(), found[:, 0, 2].copy()
-        person = replace(person, keypoints=places, scores=sure, peaks=peaks)
+        region = None if person.region is None else box.back(person.region)
+        person = replace(person, keypoints=places, scores=sure, peaks=peaks, region=region)
         if self.contract.presence:
             facts = 1, self._anatomy.confidence(person), float((sure > 0).mean())
             logit = float(np.dot(self.contract.presence, facts))

@@ -106,8 +106,12 @@ class RunSummary:
 
     @property
     def exit_code(self) -> int:
-        """0 when every row is whole, 3 where there are errors, degraded rows, or examples that are lost."""
+        """0 when every row is whole, 3 where there are errors, degraded rows, or examples that are lost.
+
+        Also 3 where every input was skipped: then nothing was read.
+        """
         flawed = self.counts.get("error", 0) + self.counts.get("degraded", 0)
+        flawed += bool(self.counts) and set(self.counts) == {"skipped"}
         return 3 if flawed or self.failed_examples or self.lost_classes else 0
 
     def rows(self) -> list[Row]:
@@ -227,11 +231,12 @@ class _Run:
     def _fit(self, found: Mapping[bytes, Extracted]) -> None:
         """Take all examples that can be used; rows say why the others cannot."""
         self.results.forget([item.key for item in self.plan.examples], role="example")
-        failed, usable = [], []
+        failed, usable = [], list[bytes]()
         for item in self.plan.examples:
             row = self._example(item, found.get(item.key))
             if row is None:
-                usable.append(item.key)
+                content = (str(item.label), self.plan.hashes[item.key], item.member)
+                usable.append("\0".join(content).encode("utf-8", "surrogatepass"))
                 continue
             failed.append(row)
             self.results.commit(Committed(item.key, item.place, ""), [row], role="example")

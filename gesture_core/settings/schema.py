@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
+from gesture_core.plugin.reading import ReadOptions
 
 DEFAULT_PRESET = "modern"
 _INFINITE = float("inf")
@@ -56,8 +57,6 @@ class PoseSettings(_Section):
         scores; None leaves it to the network, and takes every joint of a keypoint file.
     reader : str
         Name of a video reader, or ``auto``: ``pyav`` where it is installed, otherwise ``opencv``.
-    fps : float
-        Frames per second of keypoint files that carry no times.
     """
 
     backend: str = "auto"
@@ -70,7 +69,20 @@ class PoseSettings(_Section):
     follow: bool | None = None
     score: float | None = None
     reader: str = "auto"
-    fps: float = 30.0
+
+
+@dataclass(frozen=True)
+class VideoSettings(_Section):
+    """How videos are read.
+
+    Attributes
+    ----------
+    fps : None or float
+        Frames per second of every video, instead of the times in the file; None takes these, and for
+        streams without times the rate that their codec says, or 25.
+    """
+
+    fps: float | None = None
 
 
 @dataclass(frozen=True)
@@ -199,7 +211,9 @@ class LimitSettings(_Section):
 
 
 SECTIONS: Mapping[str, type] = {
+    "video": VideoSettings,
     "pose": PoseSettings,
+    "keypoints": ReadOptions,
     "signals": SignalSettings,
     "dtw": DtwSpec,
     "classify": ClassifySettings,
@@ -208,10 +222,10 @@ SECTIONS: Mapping[str, type] = {
 
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
+    "video.fps": (0.001, 100_000),
     "pose.height": (32, 4096),
     "pose.rate": (0, 100_000),
     "pose.score": (0, 1),
-    "pose.fps": (0.001, 100_000),
     "signals.max_gap": (0, _INFINITE),
     "signals.min_seen": (0, 1),
     "signals.min_frames": (1, 1e9),
@@ -231,7 +245,7 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "limits.memory": (64, 1e9),
     "limits.cache": (0, 1e9),
 }
-"""Least and greatest value of each number; those of the section dtw are checked by `DtwSpec`."""
+"""Least and greatest value of each number; `DtwSpec` and `ReadOptions` check those of their sections."""
 
 
 @dataclass(frozen=True)
@@ -249,7 +263,9 @@ class Settings:
     """
 
     preset: str = DEFAULT_PRESET
+    video: VideoSettings = field(default_factory=VideoSettings)
     pose: PoseSettings = field(default_factory=PoseSettings)
+    keypoints: ReadOptions = field(default_factory=ReadOptions)
     signals: SignalSettings = field(default_factory=SignalSettings)
     dtw: DtwSpec = field(default_factory=DtwSpec)
     classify: ClassifySettings = field(default_factory=ClassifySettings)

@@ -21,7 +21,7 @@ from gesture_core.types import Job, PoseSequence
 if TYPE_CHECKING:
     import numpy as np
 
-    from gesture_core.plugin.interfaces import PoseBackend, Video
+    from gesture_core.plugin.interfaces import KeypointReader, PoseBackend, Video
     from gesture_core.video.frames import Picture
 
 _REPORT_SECONDS = 0.5
@@ -197,7 +197,7 @@ class KeypointExtractor:
         from gesture_core.video import open_video
 
         limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-        with open_video(path, settings.pose.reader, limits, settings.options) as video:
+        with open_video(path, settings.pose.reader, limits, settings.options, settings.video.fps) as video:
             frames = _Looked(video, settings.pose.rate, self._report)
             with calling(registry().find("pose", settings.pose.backend), passing=(OSError,)):
                 sequences = extract_poses(
@@ -216,20 +216,23 @@ class KeypointExtractor:
                 *([_OTHERS] if others >= max(1, report.frames_read * _OFTEN) else []),
             ],
             "seconds": frames.seconds,
+            "assumed": str(report.assumed),
         }
 
     def _from_reader(self, path: Path, member: str, name: str) -> tuple[list[PoseSequence], dict[str, Any]]:
+        from gesture_core.pose.plausible import check_plausible
+
         pose, known = self._settings.pose, {}
         sequences: list[PoseSequence]
+        odd: list[str] = []
         if name == "store":
             stored = read_keypoints(path)
             sequences, known = stored.sequences, dict(stored.facts)
         else:
-            shared = {"fps": pose.fps, "people": pose.people}
-            options = {key: one for key, one in shared.items() if registry().takes("reader", name, key)}
-            reader = registry().make("reader", name, options | self._settings.plugin_options(name))
+            reader = open_reader(name, self._settings)
             with calling(registry().find("reader", name), passing=(OSError,)):
                 sequences = [_checked(sequence) for sequence in reader.read(path, member)]
+            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
         if pose.people == "single" and len(sequences) > 1:
@@ -246,12 +249,13 @@ class KeypointExtractor:
                 code="E_KEYPOINTS_LIMIT",
             )
         seconds = max((float(s.times[-1] - s.times[0]) for s in sequences if len(s)), default=0.0)
+        lost = sorted({s.provenance["lost"] for s in sequences if "lost" in s.provenance})
         facts: dict[str, Any] = {
             "frames_declared": None,
             "frames_read": frames,
             "frames_looked_at": frames,
-            "complete": True,
-            "notes": [],
+            "complete": not lost,
+            "notes": list(dict.fromkeys([*lost, *(note for one in sequences for note in _notes(one)), *odd])),
             "seconds": seconds,
             "assumed": str(sequences[0].provenance.get("assumed", "")) if sequences else "",
         }
@@ -270,10 +274,23 @@ class KeypointExtractor:
         return open_backend(self._settings, self._job.threads)
 
 
+def open_reader(name: str, settings: Settings) -> KeypointReader:
+    """A keypoint reader with what the settings say of its files."""
+    offered = {"options": settings.keypoints, "people": settings.pose.people}
+    taken = {key: one for key, one in offered.items() if registry().takes("reader", name, key)}
+    reader: KeypointReader = registry().make("reader", name, settings.plugin_options(name), **taken)
+    return reader
+
+
 def _checked(sequence: object) -> PoseSequence:
     if not isinstance(sequence, PoseSequence):
         raise TypeError(f"{type(sequence).__name__} instead of a PoseSequence")
     return sequence
+
+
+def _notes(sequence: PoseSequence) -> list[str]:
+    """The clauses of what its reader noted."""
+    return [note for note in sequence.provenance.get("notes", "").split("; ") if note]
 
 
 def _above(sequence: PoseSequence, score: float) -> PoseSequence:
