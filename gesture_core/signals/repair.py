@@ -84,11 +84,11 @@ def repaired(pose: PoseSequence) -> Repair:
         scores = np.where(turned, scores[:, others], scores)
         last = _last_seen(points)
     trembling = np.nan_to_num(np.abs(points - neck[:, None] / length)) * _trembling(known / length)
-    wrong = zero | _jumps(points, last, scores, pose.times, trembling)
+    wrong = _jumps(points, last, scores, pose.times, trembling)
     frames = int((turned | wrong).any(axis=1).sum())
-    if not frames:
+    if not (frames or zero.any()):
         return Repair(pose, 0)
-    keypoints = np.where(wrong[..., None], np.float32(np.nan), keypoints)
+    keypoints = np.where((wrong | zero)[..., None], np.float32(np.nan), keypoints)
     return Repair(replace(pose, keypoints=keypoints, scores=scores), frames)
 
 
