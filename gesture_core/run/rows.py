@@ -104,6 +104,7 @@ def rows_of(
             + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
             frames_with_pose=seen.frames,
             selected=prediction.selected,
+            note="; ".join(filter(None, (base.note, prediction.note))),
         )
         rows.append(_with_damage(row, item, found))
     return rows
