@@ -21,6 +21,7 @@ from gesture_core.skeletons import (
     to_coco18,
 )
 from gesture_core.types import PoseSequence
+from gesture_pose_files.scores import in_unit
 
 BY_COUNT: Mapping[int, Skeleton] = {
     len(kind.joints): kind for kind in (MPI15, COCO17, COCO18, BODY25, HALPE26, BLAZEPOSE33)
@@ -113,7 +114,10 @@ def sequence(
     said = axes or options.axes or "xy"
     points = values[..., 1::-1] if said == "yx" else values[..., :2]
     if scores is None:
-        scores = _scores(values, joints, options, source)
+        scores = _scores(values, joints, options)
+    if scores is not None:
+        scores, note = in_unit(scores, np.where((scores > 0)[..., None], points, np.nan), source)
+        notes = [*notes, note] if note else notes
     provenance = {"reader": reader}
     if times is None:
         of_what = "index" if numbers is None else "frame numbers"
@@ -194,21 +198,14 @@ def _three_axes(array: np.ndarray, options: ReadOptions, body: Skeleton | None, 
     return array if array.ndim == 3 else array.reshape(len(array), *flat_widths(options)[array.shape[1]])
 
 
-def _scores(values: np.ndarray, body: Skeleton, options: ReadOptions, source: str) -> np.ndarray | None:
+def _scores(values: np.ndarray, body: Skeleton, options: ReadOptions) -> np.ndarray | None:
+    """The last value of each joint, where it is one of three or four and no depth."""
     if values.shape[2] == 2 or (values.shape[2] == 3 and options.unit == "metres"):
         return None
     last = values[..., -1]
     low, high = (float(np.nanmin(last)), float(np.nanmax(last))) if not np.isnan(last).all() else (0.0, 0.0)
-    plausible = low >= -0.01 and high <= 1.5
     if body is BLAZEPOSE33 and values.shape[2] == 3 and not (low >= 0 and 0 < high <= 1):
         return None  # x, y, z without visibility
-    if not plausible:
-        raise KeypointError(
-            f"the last value of each joint runs from {low:g} to {high:g}, which is no score",
-            subject=source,
-            remedy="x, y and a score in 0..1; keypoints.unit=metres where it is a depth",
-            code="E_KEYPOINTS_VALUE",
-        )
     return last
 
 
