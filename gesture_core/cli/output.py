@@ -41,11 +41,21 @@ def say_event(event: str, **facts: Any) -> None:
 
 
 @contextmanager
-def warnings_as_lines() -> Iterator[None]:
-    """What functions of the package warn of in the block, as lines for people."""
+def warnings_as_lines(*, events: bool = False) -> Iterator[None]:
+    """What functions of the package warn of in the block, as lines for people.
+
+    With ``events``, as lines for programs where standard error is no terminal.
+    """
+
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        if events and not sys.stderr.isatty():
+            say_event("warning", message=printable(str(message)))
+        else:
+            say(str(message))
+
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)
-        warnings.showwarning = lambda message, *_: say(str(message))
+        warnings.showwarning = show
         yield
 
 

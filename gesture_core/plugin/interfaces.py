@@ -140,6 +140,9 @@ class VideoReport:
         What was found, one clause each.
     reader : str
         Name of the video reader.
+    assumed : str
+        What the file does not say and was assumed, such as the frame rate of a stream without times, with
+        the setting that says otherwise.
     """
 
     frames_declared: int | None
@@ -148,6 +151,7 @@ class VideoReport:
     complete: bool
     notes: tuple[str, ...] = ()
     reader: str = ""
+    assumed: str = ""
 
 
 class Video(Protocol):

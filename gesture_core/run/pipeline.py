@@ -231,11 +231,12 @@ class _Run:
     def _fit(self, found: Mapping[bytes, Extracted]) -> None:
         """Take all examples that can be used; rows say why the others cannot."""
         self.results.forget([item.key for item in self.plan.examples], role="example")
-        failed, usable = [], []
+        failed, usable = [], list[bytes]()
         for item in self.plan.examples:
             row = self._example(item, found.get(item.key))
             if row is None:
-                usable.append(item.key)
+                content = (str(item.label), self.plan.hashes[item.key], item.member)
+                usable.append("\0".join(content).encode("utf-8", "surrogatepass"))
                 continue
             failed.append(row)
             self.results.commit(Committed(item.key, item.place, ""), [row], role="example")

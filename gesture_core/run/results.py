@@ -203,6 +203,12 @@ class Results:
         for record in self._db.execute(query, (role,)):
             yield Row.from_record(_ADDED | dict(record))
 
+    def place_of(self, name: str) -> Path | None:
+        """The absolute path of the input called ``name``."""
+        query = "SELECT place FROM rows WHERE role = 'query' AND input = ?"
+        row = self._db.execute(query, (name,)).fetchone()
+        return Path(os.fsdecode(row["place"])) if row else None
+
     def places(self) -> list[tuple[bytes, bytes]]:
         """Key and path of every input that has rows."""
         query = "SELECT DISTINCT key, place FROM rows WHERE role = 'query'"

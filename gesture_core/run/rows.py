@@ -21,6 +21,8 @@ def unread_row(item: Input, fingerprint: str) -> Row:
     if item.kind == "other":
         picture = item.path.suffix.lower() in PICTURE_SUFFIXES
         remedy = f"{FRAMES if picture else 'another format'}, or a manifest that leaves it out"
+    elif item.remedy:
+        remedy = f"{item.remedy}, then --retry-errors"
     elif code and code.plugin:
         remedy = "another version of the plugin, then --retry-errors"
     elif item.code in _READING:

@@ -72,6 +72,20 @@ class PoseSettings(_Section):
 
 
 @dataclass(frozen=True)
+class VideoSettings(_Section):
+    """How videos are read.
+
+    Attributes
+    ----------
+    fps : None or float
+        Frames per second of every video, instead of the times in the file; None takes these, and for
+        streams without times the rate that their codec says, or 25.
+    """
+
+    fps: float | None = None
+
+
+@dataclass(frozen=True)
 class SignalSettings(_Section):
     """The chain from keypoints to signals.
 
@@ -197,6 +211,7 @@ class LimitSettings(_Section):
 
 
 SECTIONS: Mapping[str, type] = {
+    "video": VideoSettings,
     "pose": PoseSettings,
     "keypoints": ReadOptions,
     "signals": SignalSettings,
@@ -207,6 +222,7 @@ SECTIONS: Mapping[str, type] = {
 
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
+    "video.fps": (0.001, 100_000),
     "pose.height": (32, 4096),
     "pose.rate": (0, 100_000),
     "pose.score": (0, 1),
@@ -247,6 +263,7 @@ class Settings:
     """
 
     preset: str = DEFAULT_PRESET
+    video: VideoSettings = field(default_factory=VideoSettings)
     pose: PoseSettings = field(default_factory=PoseSettings)
     keypoints: ReadOptions = field(default_factory=ReadOptions)
     signals: SignalSettings = field(default_factory=SignalSettings)
