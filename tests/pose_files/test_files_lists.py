@@ -232,8 +232,8 @@ def test_an_order_that_the_list_names(tmp_path: Path) -> None:
     ]  # fmt: skip
     h36m = [
         "root", "right_hip", "right_knee", "right_foot", "left_hip", "left_knee", "left_foot", "spine",
-        "thorax", "neck_base", "head", "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow",
-        "right_wrist",
+        "thorax", "neck_base", "head", "left_shoulder", "left_elbow", "left_wrist", "right_shoulder",
+        "right_elbow", "right_wrist",
     ]  # fmt: skip
     for names in (crowdpose, h36m):
         bodies = [person(len(names), (number, 0), seed=2) for number in range(FRAMES)]
