@@ -23,6 +23,8 @@ def unread_row(item: Input, fingerprint: str) -> Row:
         remedy = f"{FRAMES if picture else 'another format'}, or a manifest that leaves it out"
     elif item.remedy:
         remedy = f"{item.remedy}, then --retry-errors"
+    elif code == Code.MISSING_DEPENDENCY:
+        remedy = "that command, then --retry-errors"
     elif code and code.plugin:
         remedy = "another version of the plugin, then --retry-errors"
     elif item.code in _READING:
