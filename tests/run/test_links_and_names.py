@@ -170,8 +170,11 @@ def test_a_file_of_a_video_cd_is_a_video(tmp_path: Path) -> None:
         disc += b"\0" + b"\xff" * 10 + b"\0" + bytes(12) + sector + bytes(4)
     (tmp_path / "AVSEQ01.DAT").write_bytes(disc)
     assert one(tmp_path / "AVSEQ01.DAT").kind == "video"
-    with open_video(tmp_path / "AVSEQ01.DAT", "pyav") as video:
-        assert sum(1 for _ in video) == 12
+    counts = []
+    for name in ("clip.mpg", "AVSEQ01.DAT"):
+        with open_video(tmp_path / name, "pyav") as video:
+            counts.append(sum(1 for _ in video))
+    assert counts[0] == counts[1] > 10
 
 
 @pytest.mark.parametrize(
