@@ -366,6 +366,37 @@ class Prediction:
     message: str = ""
 
 
+@dataclass(frozen=True)
+class Event:
+    """One gesture in a long recording or a stream.
+
+    Attributes
+    ----------
+    input : str
+        The recording, as the user named it.
+    person : int
+        Track number; 0 for the first or only one.
+    start, end : float
+        Seconds in the recording's own time.
+    label : str
+    score : float
+        0 to 1: how far the distance is below the threshold of its class, as a share of it.
+    distance : float
+        Of the event to the example: mean squared difference over the geometric mean of both variances.
+    example : str
+        The nearest one.
+    """
+
+    input: str
+    person: int
+    start: float
+    end: float
+    label: str
+    score: float
+    distance: float
+    example: str
+
+
 _LONGEST = 10_000
 
 
