@@ -414,6 +414,12 @@ class Row:
         Track number; 0 for the first or only one.
     label : str or None
         The gesture; only rows with the status ``ok`` or ``degraded`` have one.
+    event : int
+        Number of the event in a long recording, from 0; 0 where a row is about the whole input.
+    start, end : float or None
+        Seconds, where the row is about an event.
+    score : float or None
+        That of an `Event`.
     distance : float or None
     margin : float or None
     neighbors : tuple of (example, label, distance)
@@ -440,6 +446,10 @@ class Row:
     sha256: str = ""
     person: int = 0
     label: str | None = None
+    event: int = 0
+    start: float | None = None
+    end: float | None = None
+    score: float | None = None
     distance: float | None = None
     margin: float | None = None
     neighbors: tuple[tuple[str, str, float], ...] = ()
@@ -488,6 +498,8 @@ class Job:
         Folder of the keypoint store.
     keys : mapping
         Hashes of what decides the keypoints, parts of names in the store.
+    spot : bool
+        Examples are looked for in long recordings, instead of compared with whole inputs.
     threads : int
         Of one worker's numeric libraries.
     """
@@ -496,6 +508,7 @@ class Job:
     store: str
     keys: Mapping[str, str] = field(default_factory=dict)
     threads: int = 1
+    spot: bool = False
 
 
 @dataclass(frozen=True)

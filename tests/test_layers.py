@@ -21,6 +21,7 @@ FLOORS = [
     {"settings"},
     {"video", "pose", "signals", "dtw", "demo"},
     {"classify"},
+    {"spot"},
     {"run"},
     {"report", "testing"},
     {"cli", "__main__"},

@@ -43,6 +43,32 @@ def classify(
     return _execute(sources, out, flags, run, examples, labels)
 
 
+def spot(
+    *sources: Sources,
+    examples: Annotated[tuple[str, ...], SEVERAL],
+    out: Path,
+    labels: str = "folder",
+    flags: Flags | None = None,
+    run: RunFlags | None = None,
+) -> int:
+    """Find the example gestures in long recordings: a row for every event.
+
+    Parameters
+    ----------
+    sources
+        As in gesture classify.
+    examples
+        As in gesture classify. A folder _none holds other movements, which are never an event.
+    out
+        The run folder; it is continued, exported and evaluated as that of gesture classify.
+    labels
+        As in gesture classify.
+    """
+    if not examples:
+        raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
+    return _execute(sources, out, flags, run, examples, labels, spot=True)
+
+
 def extract(*sources: Sources, out: Path, flags: PoseFlags | None = None, run: RunFlags | None = None) -> int:
     """Find keypoints only, and write them to <out>/keypoints/ as Parquet files.
 
@@ -63,6 +89,7 @@ def _execute(
     run: RunFlags | None,
     examples: tuple[str, ...] = (),
     labels: str = "folder",
+    spot: bool = False,
 ) -> int:
     """Run what a command asks for, show it, and return the exit code; without examples, only extract."""
     from gesture_core.run.pipeline import run_archive
@@ -79,6 +106,7 @@ def _execute(
         run.engine,
         run.retry_errors,
         run.overwrite,
+        spot,
     )
     if run.quiet:
         return run_archive(request).exit_code
@@ -86,7 +114,7 @@ def _execute(
 
     with progress(sources, examples) as listener:
         summary = run_archive(request, listener)
-    print_rows(summary.rows(), classified=bool(examples))
+    print_rows(summary.rows(), "events" if spot else "labels" if examples else "keypoints")
     say_summary(summary)
     return summary.exit_code
 

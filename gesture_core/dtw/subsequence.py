@@ -121,8 +121,8 @@ class SubsequenceState(ABC):
 
 def choose_subsequence_kernel(
     name: str = "auto", options: Mapping[str, Mapping[str, Any]] | None = None
-) -> SubsequenceKernel:
-    """The kernel called ``name``, or the fastest installed one that finds examples inside a stream.
+) -> tuple[str, SubsequenceKernel]:
+    """Name and kernel: the one called ``name``, or the fastest installed one that finds examples inside a stream.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def choose_subsequence_kernel(
             continue
         kernel = registry().make("kernel", candidate, (options or {}).get(candidate))
         if isinstance(kernel, SubsequenceKernel):
-            return kernel
+            return candidate, kernel
     raise PluginError(
         f"distance kernel {name!r} does not find examples inside a stream",
         remedy="--kernel auto, numba or numpy",

@@ -120,7 +120,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     started = time.monotonic()
     listener = listener or Listener()
     check_out(request)
-    job = Job(request.settings.as_dict(), str(keypoint_store()))
+    job = Job(request.settings.as_dict(), str(keypoint_store()), spot=request.spot)
     with (
         run_folder(request.out),
         Results(request.out, create=True) as results,
@@ -273,8 +273,9 @@ class _Run:
         met = [(item, found) for item, found in batch if found.people and not found.code]
         decided: dict[bytes, tuple[list[dict[str, Any]], int]] = {}
         if self.plan.examples:
-            for start in range(0, len(met), _TOGETHER):
-                decided |= self._decided(met[start : start + _TOGETHER])
+            together = 1 if self.request.spot else _TOGETHER
+            for start in range(0, len(met), together):
+                decided |= self._decided(met[start : start + together])
         for item, found in batch:
             predictions, attempts = decided.get(item.key, (None, 1))
             found = replace(found, attempts=max(found.attempts, attempts))
@@ -294,7 +295,8 @@ class _Run:
             {"name": item.name, "stored": found.stored, "people": len(found.people)} for item, found in some
         ]
         try:
-            answers = self.assistant.ask("decide", {"inputs": inputs}, retry=False)
+            what = "spot" if self.request.spot else "decide"
+            answers = self.assistant.ask(what, {"inputs": inputs}, retry=False)
         except ConfigError:
             raise
         except GestureError as error:

@@ -52,6 +52,8 @@ class RunRequest:
         Try inputs again whose row is an error.
     overwrite : bool
         Forget the rows of a run that was made with other settings.
+    spot : bool
+        Look for the examples in long recordings, instead of comparing them with whole inputs.
     """
 
     sources: tuple[str, ...]
@@ -63,6 +65,7 @@ class RunRequest:
     engine: str = "processes"
     retry_errors: bool = False
     overwrite: bool = False
+    spot: bool = False
 
 
 @dataclass(frozen=True)
@@ -160,7 +163,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         item.key: _sha256(results, item, stamps[item.key]) if item.kind != "other" else ""
         for item in examples
     }
-    configuration = run_configuration(settings, identity, [(e, hashes[e.key]) for e in examples], kernel)
+    configuration = run_configuration(settings, identity, [(e, hashes[e.key]) for e in examples], kernel, request.spot)
     changed = _changes(results, configuration, overwrite=request.overwrite)
     done = {} if changed or request.overwrite else results.done(retry_errors=request.retry_errors)
     files = None

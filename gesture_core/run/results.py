@@ -22,10 +22,10 @@ from gesture_core.types import COLUMNS, Row
 DATABASE, LOCK = "run.db", "run.lock"
 OWN_FILES = frozenset({DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", LOCK})
 """What a run leaves in its folder besides its exports; it may lie among videos or examples."""
-_VERSION = 2
+_VERSION = 3
 _TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {
-    "frames_with_pose": "INTEGER", "attempts": "INTEGER",
-    "distance": "REAL", "margin": "REAL", "seconds": "REAL",
+    "frames_with_pose": "INTEGER", "attempts": "INTEGER", "event": "INTEGER",
+    "start": "REAL", "end": "REAL", "score": "REAL", "distance": "REAL", "margin": "REAL", "seconds": "REAL",
 }  # fmt: skip
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -34,11 +34,14 @@ CREATE TABLE IF NOT EXISTS content (
 );
 CREATE TABLE IF NOT EXISTS rows (
   key BLOB NOT NULL, place BLOB NOT NULL, role TEXT NOT NULL,
-  {", ".join(f"{name} {_TYPES.get(name, 'TEXT')}" for name in COLUMNS)},
-  PRIMARY KEY (role, key, person)
+  {", ".join(f"`{name}` {_TYPES.get(name, 'TEXT')}" for name in COLUMNS)},
+  PRIMARY KEY (role, key, person, event)
 );
 CREATE TABLE IF NOT EXISTS published (key BLOB PRIMARY KEY, file TEXT NOT NULL);
 """
+
+_QUOTED = ", ".join(f"`{name}`" for name in COLUMNS)
+"""The columns as SQL takes them: some are its words."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +183,7 @@ class Results:
             for row in rows:
                 record = row.as_record()
                 self._db.execute(
-                    f"INSERT INTO rows (key, place, role, {', '.join(COLUMNS)}) "
+                    f"INSERT INTO rows (key, place, role, {_QUOTED}) "
                     f"VALUES (?, ?, ?, {', '.join('?' * len(COLUMNS))})",
                     (item.key, item.place, role, *(record[name] for name in COLUMNS)),
                 )
@@ -192,8 +195,8 @@ class Results:
         return {row["key"]: row["sha256"] for row in self._db.execute(query)}
 
     def rows(self, role: str = "query") -> Iterator[Row]:
-        """All rows, ordered by input and person."""
-        query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person"
+        """All rows, ordered by input, person and event."""
+        query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person, event"
         for record in self._db.execute(query, (role,)):
             yield Row.from_record(record)
 

@@ -123,7 +123,7 @@ class SpottingExamples:
         list of (series, channels, state)
             Series that share their channels, those channels, and what finds them.
         """
-        kernel = choose_subsequence_kernel(self.settings.classify.kernel, self.settings.options)
+        _, kernel = choose_subsequence_kernel(self.settings.classify.kernel, self.settings.options)
         groups: dict[bytes, list[int]] = {}
         for number, signals in enumerate(self.series):
             wanted = _wanted(signals)
