@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gesture_core.run.archive import classify_archive as classify_archive
     from gesture_core.run.archive import load_poses as load_poses
     from gesture_core.run.archive import spot_archive as spot_archive
+    from gesture_core.run.annotations import evaluate_events as evaluate_events
     from gesture_core.run.evaluate import evaluate_archive as evaluate_archive
     from gesture_core.run.explain import explain as explain
     from gesture_core.run.pipeline import RunSummary as RunSummary
@@ -51,6 +52,7 @@ _PUBLIC = {
     "Spotter": "spot.spotter",
     "classify_archive": "run.archive",
     "evaluate_archive": "run.evaluate",
+    "evaluate_events": "run.annotations",
     "explain": "run.explain",
     "hookimpl": "plugin.hooks",
     "load_poses": "run.archive",

@@ -414,12 +414,6 @@ class Row:
         Track number; 0 for the first or only one.
     label : str or None
         The gesture; only rows with the status ``ok`` or ``degraded`` have one.
-    event : int
-        Number of the event in a long recording, from 0; 0 where a row is about the whole input.
-    start, end : float or None
-        Seconds, where the row is about an event.
-    score : float or None
-        That of an `Event`.
     distance : float or None
     margin : float or None
     neighbors : tuple of (example, label, distance)
@@ -440,16 +434,18 @@ class Row:
         What found the keypoints: distribution and version.
     fingerprint : str
         Of everything that produced the row.
+    event : int
+        Number of the event in a long recording, from 0; 0 where a row is about the whole input.
+    start, end : float or None
+        Seconds, where the row is about an event.
+    score : float or None
+        That of an `Event`.
     """
 
     input: str
     sha256: str = ""
     person: int = 0
     label: str | None = None
-    event: int = 0
-    start: float | None = None
-    end: float | None = None
-    score: float | None = None
     distance: float | None = None
     margin: float | None = None
     neighbors: tuple[tuple[str, str, float], ...] = ()
@@ -464,6 +460,10 @@ class Row:
     attempts: int = 1
     plugin: str = ""
     fingerprint: str = ""
+    event: int = 0
+    start: float | None = None
+    end: float | None = None
+    score: float | None = None
 
     def as_record(self) -> dict[str, Any]:
         """The row as scalars: ``neighbors`` as JSON, ``selected`` joined by spaces, all text valid UTF-8."""
