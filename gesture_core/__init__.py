@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from gesture_core.errors import Code as Code
     from gesture_core.errors import GestureError as GestureError
     from gesture_core.plugin.hooks import hookimpl as hookimpl
+    from gesture_core.run.annotations import evaluate_events as evaluate_events
     from gesture_core.run.archive import classify_archive as classify_archive
     from gesture_core.run.archive import load_poses as load_poses
     from gesture_core.run.archive import spot_archive as spot_archive
-    from gesture_core.run.annotations import evaluate_events as evaluate_events
     from gesture_core.run.evaluate import evaluate_archive as evaluate_archive
     from gesture_core.run.explain import explain as explain
     from gesture_core.run.pipeline import RunSummary as RunSummary

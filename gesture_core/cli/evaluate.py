@@ -116,9 +116,16 @@ def _evaluate_events(sources: Sequence[str], annotations: Path) -> int:
          f"{scores.precision[key]:.1%}", f"{scores.recall[key]:.1%}"]
         for key in scores.f1
     ]  # fmt: skip
-    print(f"{counted(scores.reported, 'event')}, {counted(scores.annotated, 'annotation')}, {scores.minutes:.1f} min")
+    print(
+        f"{counted(scores.reported, 'event')}, {counted(scores.annotated, 'annotation')}, "
+        f"{scores.minutes:.1f} min"
+    )
     print_table(["met", "F1", "precision", "recall"], rows, right=["F1", "precision", "recall"])
-    late = "" if scores.lateness is None else f"; they end {scores.lateness:+.2f} s from the annotations (median)"
+    late = (
+        ""
+        if scores.lateness is None
+        else f"; they end {scores.lateness:+.2f} s from the annotations (median)"
+    )
     print(f"{scores.false_alarms:.1f} false alarms a minute, mean overlap {scores.jaccard:.1%}{late}")
     return 0
 

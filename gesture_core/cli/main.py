@@ -45,7 +45,12 @@ _COMMANDS = {
     "bench": "Time every installed distance kernel on this machine.",
     "demo": "Run the main job on an archive that the package draws itself.",
 }
-_PLACES = {"extract": "classify:extract", "spot": "classify:spot", "models": "models:app", "plugins": "plugins:app"}
+_PLACES = {
+    "extract": "classify:extract",
+    "spot": "classify:spot",
+    "models": "models:app",
+    "plugins": "plugins:app",
+}
 for _name, _help in _COMMANDS.items():
     app.command(f"gesture_core.cli.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name, help=_help)
 
@@ -179,6 +184,11 @@ def _refused(error: OSError) -> str:
 
 
 def _interrupted(arguments: Sequence[str]) -> str:
-    if arguments[:1] in (["classify"], ["spot"], ["extract"], ["evaluate"]):  # keypoints that were found are kept
+    if arguments[:1] in (
+        ["classify"],
+        ["spot"],
+        ["extract"],
+        ["evaluate"],
+    ):  # keypoints that were found are kept
         return f"interrupted; resume with: gesture {shlex.join(arguments)}"
     return "interrupted"

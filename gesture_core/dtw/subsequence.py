@@ -24,7 +24,7 @@ from gesture_core.errors import InputError, PluginError
 from gesture_core.plugin import registry
 from gesture_core.plugin.interfaces import SubsequenceKernel
 
-__all__ = ["UNREACHABLE", "SubsequenceState"]
+__all__ = ["BORDER", "UNREACHABLE", "SubsequenceState"]
 
 UNREACHABLE = 1e30
 """Accumulated cost of what no path has reached; from a tenth of it on, a cost counts as such."""
@@ -122,7 +122,7 @@ class SubsequenceState(ABC):
 def choose_subsequence_kernel(
     name: str = "auto", options: Mapping[str, Mapping[str, Any]] | None = None
 ) -> tuple[str, SubsequenceKernel]:
-    """Name and kernel: the one called ``name``, or the fastest installed one that finds examples inside a stream.
+    """Name and kernel: the one called ``name``, or the fastest one that finds examples inside a stream.
 
     Raises
     ------
@@ -158,10 +158,8 @@ def reference_subsequences(
                 s, i = t - stream_steps, j - example_steps
                 if s < -1 or i < -1:
                     continue
-                if stream_steps == 2:
-                    paid = (cost[t - 1, j] + cost[t, j]) / 2
-                else:
-                    paid = cost[t, i + 1 : j + 1].sum()
+                twice = stream_steps == 2
+                paid = (cost[t - 1, j] + cost[t, j]) / 2 if twice else cost[t, i + 1 : j + 1].sum()
                 if i == -1:
                     ways.append((paid, s + 1))
                 elif s >= 0:
@@ -171,7 +169,7 @@ def reference_subsequences(
                     table[t, j], begin[t, j] = value, start
     distances, lengths = np.full(len(x), np.inf), np.zeros(len(x), np.int64)
     spread = y.var(axis=0).sum()
-    for t in np.flatnonzero(np.isfinite(table[:, -1])):
+    for t in np.flatnonzero(np.isfinite(table[:, -1])).tolist():
         start = begin[t, -1]
         own = x[start : t + 1].var(axis=0).sum()
         size = np.sqrt((spread + floor) * (own + floor))

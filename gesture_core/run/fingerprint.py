@@ -85,7 +85,8 @@ def run_configuration(
 ) -> dict[str, Any]:
     """What decides the result of a run; ``examples`` come with their content hashes.
 
-    With ``spot`` they are looked for in long recordings. Without a ``kernel`` nothing is compared, and only what decides the keypoints counts.
+    With ``spot`` they are looked for in long recordings. Without a ``kernel`` nothing is compared, and
+    only what decides the keypoints counts.
     """
     if not kernel:
         pose = {"pose": settings.as_dict()["pose"]}

@@ -163,7 +163,9 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         item.key: _sha256(results, item, stamps[item.key]) if item.kind != "other" else ""
         for item in examples
     }
-    configuration = run_configuration(settings, identity, [(e, hashes[e.key]) for e in examples], kernel, request.spot)
+    configuration = run_configuration(
+        settings, identity, [(e, hashes[e.key]) for e in examples], kernel, request.spot
+    )
     changed = _changes(results, configuration, overwrite=request.overwrite)
     done = {} if changed or request.overwrite else results.done(retry_errors=request.retry_errors)
     files = None

@@ -85,9 +85,7 @@ def rows_of(
     for number, (person, frames) in enumerate(found.people):
         if decided is not None and "events" in decided[number]:
             of_person = replace(base, person=person, frames_with_pose=frames)
-            rows += [
-                _with_damage(row, item, found) for row in _event_rows(of_person, item, decided[number])
-            ]
+            rows += [_with_damage(row, item, found) for row in _event_rows(of_person, item, decided[number])]
             continue
         prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
         code = Code.of(prediction.code)

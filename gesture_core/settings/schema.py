@@ -190,7 +190,7 @@ class SpotSettings(_Section):
     """
 
     mean: float = 3.0
-    floor: float = 0.05
+    floor: float = 0.01
     tempos: tuple[float, ...] = (0.6, 1.6)
     threshold: float | None = None
     deviations: float = 1.0

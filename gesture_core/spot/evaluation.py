@@ -89,9 +89,7 @@ def match(
     return pairs
 
 
-def score_events(
-    events: Sequence[Event], marks: Sequence[Annotation], seconds: float
-) -> EventScores:
+def score_events(events: Sequence[Event], marks: Sequence[Annotation], seconds: float) -> EventScores:
     """Compare the events in recordings of ``seconds`` altogether with what was marked in them."""
     points = bool(marks) and all(mark.start == mark.end for mark in marks)
     pairs = {overlap: match(events, marks, overlap) for overlap in ((0.0,) if points else OVERLAPS)}

@@ -12,7 +12,6 @@ from gesture_core.dtw.subsequence import choose_subsequence_kernel
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.plugin.interfaces import Subsequences
 from gesture_core.settings import Settings
-from gesture_core.signals.chain import Chain
 from gesture_core.spot.signals import stream_chain
 from gesture_core.types import PoseSequence, Signals
 
@@ -82,7 +81,9 @@ class SpottingExamples:
         names = tuple(names or [pose.source or str(n) for n, pose in enumerate(poses)])
         classes, codes = np.unique([str(label) for label in labels], return_inverse=True)
         if set(classes) == {NONE}:
-            raise ConfigError(f"every example is called {NONE}", remedy="examples of gestures", code="E_LABELS")
+            raise ConfigError(
+                f"every example is called {NONE}", remedy="examples of gestures", code="E_LABELS"
+            )
         chosen = settings.spot
         chain = stream_chain(settings, 0.0 if live else chosen.mean)
         series, example = [], []

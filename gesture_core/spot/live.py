@@ -102,5 +102,9 @@ class LiveSignals:
             values[:, lost] = self._last[lost]
         self._last, self._done = values[-1], float(made.times[new][-1])
         return replace(
-            made, values=values, times=made.times[new], present=self._present, mask=np.ones(values.shape[1], bool)
+            made,
+            values=values,
+            times=made.times[new],
+            present=self._present,
+            mask=np.ones(values.shape[1], bool),
         )

@@ -1,4 +1,4 @@
-"""Signals that a stream can have: parts of a recording in which the person is seen, and what is known live."""
+"""Signals that a stream can have, and the parts of a recording in which the person is seen."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def stream_chain(settings: Settings, mean: float) -> Chain:
     signals as well, as most of a long recording does.
     """
     chain = Chain.from_settings(settings)
-    normalizer, *filters = [
-        step.on_stream(mean) if isinstance(step, StreamStep) else step
-        for step in (chain.normalizer, *chain.filters)
-    ]
-    return replace(chain, normalizer=normalizer, filters=tuple(filters), allow_still=True)
+    normalizer = chain.normalizer
+    if isinstance(normalizer, StreamStep):
+        normalizer = normalizer.on_stream(mean)
+    filters = tuple(step.on_stream(mean) if isinstance(step, StreamStep) else step for step in chain.filters)
+    return replace(chain, normalizer=normalizer, filters=filters, allow_still=True)
 
 
 def spans(pose: PoseSequence, gap: float) -> Iterator[PoseSequence]:

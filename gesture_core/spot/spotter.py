@@ -169,9 +169,7 @@ class Spotter:
     ) -> list[Candidate]:
         """The events in ``signals``, which were made of ``pose``, in blocks of ``block`` frames."""
         assert signals.present is not None
-        search = EventSearch(
-            self.examples, signals.present, patience, lambda some: self._judged(some, pose)
-        )
+        search = EventSearch(self.examples, signals.present, patience, lambda some: self._judged(some, pose))
         found: list[Candidate] = []
         for start in range(0, len(signals), block):
             part = slice(start, start + block)
@@ -188,11 +186,14 @@ class Spotter:
             Where the spotter was not made with ``live=True``.
         """
         if self._live is None:
-            raise InputError("this spotter is for recordings", remedy="Spotter(…, live=True)", code="E_OPTION")
+            raise InputError(
+                "this spotter is for recordings", remedy="Spotter(…, live=True)", code="E_OPTION"
+            )
         self._source = (pose.source, pose.person)
         patience = self._settings.spot.patience
         patience = LIVE_PATIENCE if patience is None else patience
         found: list[Candidate] = []
+        recent = self._live
         for part in self._live.push(pose.as_coco18()):
             if part is None:  # the person was lost
                 found += self._going.finish() if self._going else []
@@ -200,7 +201,6 @@ class Spotter:
                 continue
             if self._going is None:
                 assert part.present is not None
-                recent = self._live
                 self._going = EventSearch(
                     self.examples, part.present, patience, lambda some: self._judged(some, recent.pose)
                 )

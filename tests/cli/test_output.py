@@ -32,7 +32,7 @@ def test_the_table_names_the_label_of_the_nearest_example(capsys: pytest.Capture
 def test_keypoints_have_a_table_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
     row_table(
         [Row("in/a.mp4", frames_read=40, frames_with_pose=38, seconds=1.95, status="ok"), *rows()],
-        classified=False,
+        what="keypoints",
     )
     said = capsys.readouterr().out
     assert "label" not in said and "with a pose" in said

@@ -176,7 +176,8 @@ def write_rows(worker: Worker, run: str, format: str, path: str) -> None:
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        try_model, extract, accepts, members, open_classifier, add_example, fit, decide, spot, suffix, write_rows,
+        try_model, extract, accepts, members, open_classifier, add_example, fit, decide, spot, suffix,
+        write_rows,
     )
 }  # fmt: skip
 """Every function that a task may name; each takes the `Worker` and the task's arguments."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -77,7 +78,7 @@ class NumbaSubsequences(SubsequenceState):
         threads = min(self._threads, chunks) if x.size * self.cells.shape[1] > _WORTH else 1
         if threads > 1:
             places = np.linspace(0, chunks, threads + 1).round().astype(int)
-            parts = [self._cuts[a : b + 1] for a, b in zip(places[:-1], places[1:], strict=True)]
+            parts = [self._cuts[a : b + 1] for a, b in pairwise(places)]
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(part, parts))
         else:
@@ -95,7 +96,7 @@ class NumbaSubsequences(SubsequenceState):
 
 
 # Each loop is a function of its own over arrays of one dimension: only so does the compiler see rows
-# without gaps that share no memory, and make vector instructions of it. Lengths are float32 for the same reason.
+# without gaps that share no memory, and make vector instructions of it. So are lengths float32.
 
 
 def _add_costs(x: Any, y: Any, k0: Any, k1: Any, row: Any) -> None:
