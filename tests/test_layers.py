@@ -15,7 +15,7 @@ CORE = ROOT / "gesture_core"
 HEAVY = {"jax", "torch", "cv2", "onnxruntime", "numba", "pyarrow", "av", "sklearn", "matplotlib"}
 FLOORS = [
     {"errors", "files", "cores", "__init__"},
-    {"skeletons"},
+    {"skeletons", "joint_names"},
     {"dtw.spec"},
     {"types", "plugin"},
     {"settings"},
@@ -91,6 +91,7 @@ FOR_KERNELS = {
     "dtw.bands",
     "dtw.batches",
     "dtw.lanes",
+    "dtw.subsequence",
     "dtw.spec",
     "errors",
     "plugin.hooks",
@@ -106,7 +107,9 @@ PUBLIC_FOR = {
         "errors",
         "files",
         "plugin.hooks",
+        "joint_names",
         "plugin.interfaces",
+        "plugin.reading",
         "pose",
         "skeletons",
         "types",

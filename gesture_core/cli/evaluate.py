@@ -29,6 +29,7 @@ def evaluate(
     out: Path | None = None,
     flags: Flags | None = None,
     labels: str = "folder",
+    label_columns: Annotated[str, UNSAID] = "",
     subjects: Annotated[str, UNSAID] = "",
     protocol: str = "leave-one-subject-out",
     train: Annotated[str, UNSAID] = "",
@@ -52,7 +53,9 @@ def evaluate(
     out
         Folder for evaluation.json, answers.csv, confusion.png and rejection.png.
     labels
-        As in gesture classify: folder, a CSV file with path and label, or a regular expression.
+        As in gesture classify: folder, folder:-1, a CSV file with path and label, or a regular expression.
+    label_columns
+        With a CSV file: its headings of path and label, such as filename,class; 1,2 where it has none.
     subjects
         Regular expression whose group (?P<subject>...), or first group, finds who performs in the name.
     protocol
@@ -77,6 +80,7 @@ def evaluate(
             settings,
             protocol=protocol,
             labels=labels,
+            label_columns=label_columns,
             subjects=subjects,
             train=train,
             grid=values,

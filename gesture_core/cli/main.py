@@ -184,11 +184,6 @@ def _refused(error: OSError) -> str:
 
 
 def _interrupted(arguments: Sequence[str]) -> str:
-    if arguments[:1] in (
-        ["classify"],
-        ["spot"],
-        ["extract"],
-        ["evaluate"],
-    ):  # keypoints that were found are kept
+    if arguments and arguments[0] in ("classify", "spot", "extract", "evaluate"):  # keypoints are kept
         return f"interrupted; resume with: gesture {shlex.join(arguments)}"
     return "interrupted"

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _ROWS_SHOWN = 60
 _REASONS_SHOWN = 20
+_NOTES_SHOWN = 8
 _WORST = ("error", "degraded", "rejected", "skipped", "ok")
 Table = Literal["labels", "events", "keypoints"]
 """What the rows of a run are about."""
@@ -42,11 +43,21 @@ def say_event(event: str, **facts: Any) -> None:
 
 
 @contextmanager
-def warnings_as_lines() -> Iterator[None]:
-    """What functions of the package warn of in the block, as lines for people."""
+def warnings_as_lines(*, events: bool = False) -> Iterator[None]:
+    """What functions of the package warn of in the block, as lines for people.
+
+    With ``events``, as lines for programs where standard error is no terminal.
+    """
+
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        if events and not sys.stderr.isatty():
+            say_event("warning", message=printable(str(message)))
+        else:
+            say(str(message))
+
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)
-        warnings.showwarning = lambda message, *_: say(str(message))
+        warnings.showwarning = show
         yield
 
 
@@ -117,7 +128,8 @@ def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
     elif what == "labels":
         columns, right = ["input", "label", "distance", "margin", "nearest example", "status"], [2, 3]
     else:
-        columns, right = ["input", "frames", "with a pose", "seconds", "status"], [1, 2, 3]
+        columns = ["input", "frames", "looked at", "with a pose", "seconds", "status"]
+        right = [1, 2, 3, 4]
     base = _common_folder([row.input for row in rows])
     cells: list[list[str | Text]] = []
     for row in rows:
@@ -132,7 +144,8 @@ def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
             numbers = ["" if value is None else f"{value:.3f}" for value in (row.distance, row.margin)]
             cells.append([name, row.label or "-", *numbers, _nearest(row), status])
         else:
-            frames = [str(row.frames_read), str(row.frames_with_pose), f"{row.seconds:.1f}"]
+            counts = (row.frames_read, row.frames_looked_at, row.frames_with_pose)
+            frames = [*map(str, counts), f"{row.seconds:.1f}"]
             cells.append([name, *frames, status])
     print_table(columns, cells, right=[columns[i] for i in right])
 
@@ -156,9 +169,18 @@ def _common_folder(names: Sequence[str]) -> str:
 
 
 def say_assumed(assumed: Mapping[str, int]) -> None:
-    """What keypoint files do not say and was assumed, and of how many, on standard error."""
+    """What files do not say and was assumed, and of how many, on standard error."""
     for what, files in sorted(assumed.items()):
-        say(f"assumed for {counted(files, 'keypoint file')}: {what}")
+        say(f"assumed for {counted(files, 'file')}: {what}")
+
+
+def say_notes(notes: Mapping[str, int]) -> None:
+    """What is worth knowing of files, and of how many, the most frequent first, on standard error."""
+    ordered = sorted(notes.items(), key=lambda pair: (-pair[1], pair[0]))
+    for what, files in ordered[:_NOTES_SHOWN]:
+        say(f"{counted(files, 'file')}: {what}")
+    if ordered[_NOTES_SHOWN:]:
+        say(f"… and {counted(len(ordered) - _NOTES_SHOWN, 'more note')} in the column 'note'")
 
 
 def check_file(

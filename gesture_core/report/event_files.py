@@ -46,9 +46,9 @@ def write_event_files(rows: Iterable[Row], format: str, target: Path) -> list[Pa
     inputs: dict[str, list[Row]] = {}
     spotted = False
     for row in rows:
-        spotted |= row.start is not None or row.code == "E_NO_EVENT"
+        spotted |= bool(row.event) or row.code == "E_NO_EVENT"
         events = inputs.setdefault(row.input, [])
-        if row.start is not None:
+        if row.event:
             events.append(row)
     if not spotted:
         raise RunFolderError(

@@ -37,9 +37,9 @@ def evaluate_events(run: str | os.PathLike[str], annotations: str | os.PathLike[
     """
     with open_results(run) as results:
         rows = list(results.rows())
-    if not any(row.start is not None or row.code == "E_NO_EVENT" for row in rows):
+    if not any(row.event or row.code == "E_NO_EVENT" for row in rows):
         raise ConfigError("the run is not of gesture spot", subject=os.fspath(run), code="E_NO_RUN")
-    events = [event_of(row) for row in rows if row.start is not None]
+    events = [event_of(row) for row in rows if row.event]
     marks = list(read_annotations(Path(annotations), rows))
     seconds = sum({row.input: row.seconds for row in rows if row.frames_read}.values())
     return score_events(events, marks, seconds)

@@ -53,7 +53,8 @@ def load_poses(
     GestureError
         For the first input that cannot be read; `classify_archive` gives such an input a row instead.
     """
-    every = discover(as_strings(sources))
+    ready = _settings(settings, changes)
+    every = discover(as_strings(sources), settings=ready)
     items = [item for item in every if item.kind != "other"]
     if not items:
         raise InputError(
@@ -67,8 +68,10 @@ def load_poses(
         warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)
     for item in items:
         if item.kind == "broken":
-            raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
-    extracted = extract_all(items, _settings(settings, changes), workers=workers)
+            raise InputError(
+                item.fault, subject=item.name, remedy=item.remedy or "repairing it", code=item.code
+            )
+    extracted = extract_all(items, ready, workers=workers)
     by_key = {item.key: found for item, found in extracted}
     poses: list[PoseSequence] = []
     for item in items:
@@ -86,6 +89,7 @@ def classify_archive(
     settings: Settings | str | None = None,
     *,
     labels: str = "folder",
+    label_columns: str = "",
     workers: int = 0,
     engine: str = "processes",
     retry_errors: bool = False,
@@ -104,7 +108,10 @@ def classify_archive(
     settings, workers, changes
         As in `load_poses`.
     labels : str
-        ``"folder"``, a CSV file, or a regular expression with a group ``label``.
+        ``"folder"``, or ``"folder:-1"`` and other levels; a CSV file; or a regular expression with a group
+        ``label``.
+    label_columns : str
+        With a CSV file: the headings of path and label, such as ``"filename,class"``.
     engine : str
         Name of an execution engine: ``processes``, or ``inline`` for debugging.
     retry_errors, overwrite : bool
@@ -128,6 +135,7 @@ def classify_archive(
         engine,
         retry_errors=retry_errors,
         overwrite=overwrite,
+        label_columns=label_columns,
     )
     return run_archive(request, listener)
 

@@ -137,7 +137,7 @@ class ParquetWriter:
 
         types = {
             **{name: pa.int64() for name in ("person", "event", "frames_declared", "frames_read")},
-            **{name: pa.int64() for name in ("frames_with_pose", "attempts")},
+            **{name: pa.int64() for name in ("frames_looked_at", "frames_with_pose", "attempts")},
             **{name: pa.float64() for name in ("start", "end", "score", "distance", "margin", "seconds")},
         }
         schema = pa.schema([(name, types.get(name, pa.string())) for name in columns])

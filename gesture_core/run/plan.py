@@ -12,21 +12,18 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import content_sha256, stamp
 from gesture_core.plugin import registry
+from gesture_core.pose.choice import choose_pose, described
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import differences, fingerprint, pose_identity, run_configuration
-from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input, discover
-from gesture_core.run.labels import label_folders, label_inputs
+from gesture_core.run.inputs import COMPANIONS, FRAMES, PICTURE_SUFFIXES, Input, discover
+from gesture_core.run.label_folders import label_folders
+from gesture_core.run.labels import label_inputs, word
 from gesture_core.run.results import Results
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 
 if TYPE_CHECKING:
     from gesture_core.run.keypoint_files import KeypointFiles
-
-# What lies beside clips and never is one: notes, subtitles, thumbnails, and what file managers leave.
-_COMPANIONS = frozenset(
-    ".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .xml .yaml .yml .toml .ini .db .lnk".split()
-)
 
 
 @dataclass(frozen=True)
@@ -50,6 +47,8 @@ class RunRequest:
         Name of an execution engine.
     retry_errors : bool
         Try inputs again whose row is an error.
+    label_columns : str
+        Headings of path and label in a table of labels.
     overwrite : bool
         Forget the rows of a run that was made with other settings.
     spot : bool
@@ -65,6 +64,7 @@ class RunRequest:
     engine: str = "processes"
     retry_errors: bool = False
     overwrite: bool = False
+    label_columns: str = ""
     spot: bool = False
 
 
@@ -96,6 +96,8 @@ class Plan:
         Labels that the folders of the examples stand for, whatever is in them.
     gone : int
         Inputs of earlier runs whose rows were removed, as they are not there any more.
+    network : str
+        What finds people, in words; empty where there is no video.
     """
 
     settings: Settings
@@ -110,6 +112,7 @@ class Plan:
     files: KeypointFiles | None
     announced: frozenset[str] = frozenset()
     gone: int = 0
+    network: str = ""
 
     @property
     def kernel(self) -> str:
@@ -157,6 +160,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         kernel = assistant.ask("open_classifier", keep=True)
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     videos = any(item.kind == "video" for item in (*inputs, *examples))
+    settings = choose_pose(settings, needed=videos)
     identity = pose_identity(settings, with_model=videos)
     stamps = {item.key: _stamp(item) for item in (*inputs, *examples)}
     hashes = {
@@ -204,9 +208,12 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         contradictions=_contradictions(examples, hashes),
         files=files,
         announced=frozenset(
-            label_folders(request.examples, request.out) if request.labels == "folder" else ()
+            map(word, label_folders(examples, request.examples, request.out))
+            if request.labels == "folder"
+            else ()
         ),
         gone=len(gone),
+        network=described(settings) if videos else "",
     )
 
 
@@ -222,12 +229,12 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
             remedy="examples/<label>/<clip>" + (f", or for a picture {FRAMES}" if pictures else ""),
             code="E_EMPTY",
         )
-    labelled = label_inputs(found, request.labels, request.examples)
+    labelled = label_inputs(found, request.labels, request.examples, request.label_columns)
     # What nobody reads is a lost example where it has a label; without one it was never meant as any.
     return [
         item
         for item in labelled
-        if item.kind != "other" or (item.label and item.path.suffix.lower() not in _COMPANIONS)
+        if item.kind != "other" or (item.label and item.path.suffix.lower() not in COMPANIONS)
     ]
 
 

@@ -22,11 +22,15 @@ from gesture_core.types import COLUMNS, Row
 DATABASE, LOCK = "run.db", "run.lock"
 OWN_FILES = frozenset({DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", LOCK})
 """What a run leaves in its folder besides its exports; it may lie among videos or examples."""
-_VERSION = 3
+_VERSION = 2
 _TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {
-    "frames_with_pose": "INTEGER", "attempts": "INTEGER", "event": "INTEGER",
-    "start": "REAL", "end": "REAL", "score": "REAL", "distance": "REAL", "margin": "REAL", "seconds": "REAL",
+    "frames_looked_at": "INTEGER", "frames_with_pose": "INTEGER", "attempts": "INTEGER", "event": "INTEGER",
+    "distance": "REAL", "margin": "REAL", "seconds": "REAL", "start": "REAL", "end": "REAL", "score": "REAL",
 }  # fmt: skip
+_ADDED: dict[str, Any] = {"note": "", "start": None, "end": None, "box": "", "frames_looked_at": 0} | {
+    "event": 0, "score": None,
+}  # fmt: skip
+"""Columns that the first files of this format lack, with what stands in them."""
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS content (
@@ -34,7 +38,7 @@ CREATE TABLE IF NOT EXISTS content (
 );
 CREATE TABLE IF NOT EXISTS rows (
   key BLOB NOT NULL, place BLOB NOT NULL, role TEXT NOT NULL,
-  {", ".join(f"`{name}` {_TYPES.get(name, 'TEXT')}" for name in COLUMNS)},
+  {", ".join(f'"{name}" {_TYPES.get(name, "TEXT")}' for name in COLUMNS)},
   PRIMARY KEY (role, key, person, event)
 );
 CREATE TABLE IF NOT EXISTS published (key BLOB PRIMARY KEY, file TEXT NOT NULL);
@@ -123,6 +127,16 @@ class Results:
         db.execute("PRAGMA synchronous=FULL")
         db.executescript(_SCHEMA)
         db.execute("INSERT OR IGNORE INTO meta VALUES ('version', ?)", (str(_VERSION),))
+        known = {row["name"] for row in db.execute("PRAGMA table_info(rows)")}
+        for name in _ADDED.keys() - known:
+            db.execute(f'ALTER TABLE rows ADD COLUMN "{name}" {_TYPES.get(name, "TEXT")}')
+            db.execute(f'UPDATE rows SET "{name}" = ?', (_ADDED[name],))
+        if "event" not in known:  # its key has no place for several rows of one person
+            listed = f"key, place, role, {_QUOTED}"
+            db.executescript(
+                f"BEGIN; ALTER TABLE rows RENAME TO earlier; {_SCHEMA}"
+                f"INSERT INTO rows ({listed}) SELECT {listed} FROM earlier; DROP TABLE earlier; COMMIT;"
+            )
         return db
 
     def __enter__(self) -> Results:
@@ -196,9 +210,15 @@ class Results:
 
     def rows(self, role: str = "query") -> Iterator[Row]:
         """All rows, ordered by input, person and event."""
-        query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person, event"
+        query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person, rowid"
         for record in self._db.execute(query, (role,)):
-            yield Row.from_record(record)
+            yield Row.from_record(_ADDED | dict(record))
+
+    def place_of(self, name: str) -> Path | None:
+        """The absolute path of the input called ``name``."""
+        query = "SELECT place FROM rows WHERE role = 'query' AND input = ?"
+        row = self._db.execute(query, (name,)).fetchone()
+        return Path(os.fsdecode(row["place"])) if row else None
 
     def places(self) -> list[tuple[bytes, bytes]]:
         """Key and path of every input that has rows."""

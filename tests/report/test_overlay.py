@@ -11,7 +11,7 @@ from tiny_networks import FIGURE, GREY, dot_network, dot_picture
 
 from gesture_core.cli.main import run
 from gesture_core.errors import MediaError
-from gesture_core.report.overlay import draw_pose, overlay, side_colour, write_strip, write_video
+from gesture_core.report.overlay import cropped, draw_pose, overlay, side_colour, write_strip, write_video
 from gesture_core.skeletons import COCO18, SKELETONS
 from gesture_core.types import PoseSequence
 
@@ -150,3 +150,22 @@ def test_the_command_renders_a_video(
     write_video([(t, np.full_like(frame, GREY)) for t, frame in moving], tmp_path / "dark.mp4")
     assert run(["render", "dark.mp4", "--model", str(network)]) == 1
     assert "E_NO_PERSON" in capsys.readouterr().err
+
+
+def test_tags_say_who_it_is_and_when() -> None:
+    given = frames((240, 320))
+    plain = [picture for _, picture in overlay(given, [pose()])]
+    tagged = [picture for _, picture in overlay(given, [pose(), pose(first=3)], ["0 wave 0.41", "1 Grüße"])]
+    assert all((one != other).any() for one, other in zip(plain, tagged, strict=True))
+    green = (np.array(tagged[0]) == (115, 158, 0)).all(axis=2)
+    assert green.any() and not (np.array(plain[0]) == (115, 158, 0)).all(axis=2).any()
+
+
+def test_a_strip_is_cropped_to_the_people() -> None:
+    given = frames((400, 600))
+    left, top, right, bottom = (int(edge) for edge in pose().box)
+    for _, picture in cropped(given, [pose()], margin=0.1):
+        assert picture.shape[0] < 1.3 * (bottom - top) + 4 and picture.shape[1] < right - left + 40
+    at = cropped([(0.0, np.arange(400 * 600 * 3, dtype=np.uint32).reshape(400, 600, 3))], [pose()], margin=0)
+    ((_, exact),) = at
+    assert exact[0, 0, 0] == (top * 600 + left) * 3

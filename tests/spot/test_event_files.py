@@ -13,10 +13,20 @@ from gesture_core.run.annotations import read_annotations
 from gesture_core.types import Row
 
 ROWS = [
-    Row("a/one.mp4", label="wave", status="ok", start=1.0, end=2.5, score=0.5, event=0, seconds=60),
-    Row("a/one.mp4", label="clap", status="ok", start=2.2, end=3.25, score=0.25, event=1, seconds=60),
-    Row("a/one.mp4", label="a <b> & -->", status="ok", start=4, end=5, score=0.1, person=1, seconds=60),
-    Row("b/one.mp4", label="wave", status="ok", start=3661.0, end=3662.0, score=0.9, seconds=4000),
+    Row("a/one.mp4", label="wave", status="ok", start=1.0, end=2.5, score=0.5, event=1, seconds=60),
+    Row("a/one.mp4", label="clap", status="ok", start=2.2, end=3.25, score=0.25, event=2, seconds=60),
+    Row(
+        "a/one.mp4",
+        label="a <b> & -->",
+        status="ok",
+        start=4,
+        end=5,
+        score=0.1,
+        person=1,
+        event=1,
+        seconds=60,
+    ),
+    Row("b/one.mp4", label="wave", status="ok", start=3661.0, end=3662.0, score=0.9, event=1, seconds=4000),
     Row("c/none.mp4", status="rejected", code="E_NO_EVENT", seconds=10),
 ]
 
