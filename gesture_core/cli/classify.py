@@ -61,6 +61,7 @@ def spot(
     examples: Annotated[tuple[str, ...], SEVERAL],
     out: Path,
     labels: str = "folder",
+    label_columns: Annotated[str, UNSAID] = "",
     flags: Flags | None = None,
     run: RunFlags | None = None,
 ) -> int:
@@ -74,12 +75,12 @@ def spot(
         As in gesture classify. A folder _none holds other movements, which are never an event.
     out
         The run folder; it is continued, exported and evaluated as that of gesture classify.
-    labels
+    labels, label_columns
         As in gesture classify.
     """
     if not examples:
         raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
-    return _execute(sources, out, flags, run, examples, labels, spot=True)
+    return _execute(sources, out, flags, run, examples, labels, label_columns, spot=True)
 
 
 def extract(*sources: Sources, out: Path, flags: PoseFlags | None = None, run: RunFlags | None = None) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -31,6 +32,8 @@ _TIMES = re.compile(r" \(\d+ times\)$")
 _SECONDS_BETWEEN_BATCHES = 2.0
 _TOGETHER = 16
 """Inputs that are decided in one call: where it ends its process, each is decided alone."""
+_LONG = 4.0
+"""Times the longest example from which on an input may hold several gestures."""
 
 
 class Listener:
@@ -184,6 +187,7 @@ class _Run:
     frames: int = 0
     added: bool = False
     assumed: Counter[str] = field(default_factory=Counter)
+    _longest: float = 0.0
     notes: Counter[str] = field(default_factory=Counter)
 
     def work(self) -> None:
@@ -209,15 +213,29 @@ class _Run:
             on_frames=self.listener.frames,
         ) as engine:
             if plan.examples:
-                self._fit({item.key: found for item, found in self._extract(engine, examples)})
+                taken = {item.key: found for item, found in self._extract(engine, examples)}
+                self._longest = max((found.seconds for found in taken.values()), default=0.0)
+                self._fit(taken)
             arrived: list[tuple[Input, Extracted]] = []
             last = time.monotonic()
             for item, found in self._extract(engine, readable):
+                self._warn_of_length(item, found)
                 arrived.append((item, found))
                 if len(arrived) >= _BATCH or time.monotonic() - last > _SECONDS_BETWEEN_BATCHES:
                     self._decide(arrived)
                     arrived, last = [], time.monotonic()
             self._decide(arrived)
+
+    def _warn_of_length(self, item: Input, found: Extracted) -> None:
+        """Say of the first input that is much longer than the examples what is for such inputs."""
+        if self.request.spot or not 0 < self._longest * _LONG < found.seconds:
+            return
+        warnings.warn(
+            f"{item.name} lasts {found.seconds:.0f} s, the longest example {self._longest:.1f} s: such inputs get "
+            "one label here; gesture spot finds every gesture in them, with its start and end",
+            stacklevel=2,
+        )
+        self._longest = 0.0
 
     def _extract(self, engine: OpenEngine, items: Sequence[Input]) -> Iterator[tuple[Input, Extracted]]:
         for item, found in engine.extract(items):
