@@ -119,6 +119,7 @@ def rows_of(
 
 def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:
     """A row for each event of one person, or the one that says that there is none."""
+    base = replace(base, note="; ".join(filter(None, [base.note, tree["note"]])))
     if not tree["events"]:
         message = (
             f"{item.name}: none of the examples was recognised in {base.seconds:.1f} s; "

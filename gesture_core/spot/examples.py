@@ -44,7 +44,7 @@ class SpottingExamples:
         Class of each example.
     classes : tuple of str
     held : (C,) bool
-        Gestures that are held: most of their examples hardly move.
+        Gestures that are held: in most of their examples nothing moves.
     thresholds : (C,) float64
         Distance up to which a class has events.
     calibrated : bool
@@ -95,6 +95,8 @@ class SpottingExamples:
                     raise error.about(names[number]) from error.__cause__
                 example.append(number)
             alive()
+        tempos = 1 + len(chosen.tempos)
+        still = np.array([not one.selected for one in series[::tempos]])
         made = cls(
             settings,
             tuple(series),
@@ -102,7 +104,7 @@ class SpottingExamples:
             names,
             codes.astype(np.int64),
             tuple(classes.tolist()),
-            np.zeros(len(classes), bool),
+            np.array([still[codes == code].mean() > 0.5 for code in range(len(classes))]),
             np.full(len(classes), np.inf),
             False,
             Recognizer.fit(settings, poses, list(labels), names, alive=alive) if chosen.verify else None,

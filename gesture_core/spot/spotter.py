@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -132,32 +133,50 @@ class Spotter:
         self._going: EventSearch | None = None
         self._source = ("", 0)
 
-    def spot(self, pose: PoseSequence, alive: Callable[[], None] = lambda: None) -> list[Event]:
+    def spot(self, pose: PoseSequence) -> list[Event]:
         """The events of a whole recording of one person, by their starts.
 
-        ``alive`` is called now and then.
+        Warns
+        -----
+        UserWarning
+            Where parts of the recording could not be searched.
 
         Raises
         ------
         GestureError
-            Where no part of the recording gives signals; of the first such part.
+            Where no part gives signals; of the first one.
         """
+        events, note = self.spot_with_note(pose)
+        if note:
+            warnings.warn(note, stacklevel=2)
+        return events
+
+    def spot_with_note(
+        self, pose: PoseSequence, alive: Callable[[], None] = lambda: None
+    ) -> tuple[list[Event], str]:
+        """As `spot`, with what could not be searched as a text; ``alive`` is called now and then."""
         chain, chosen = stream_chain(self._settings, self._mean), self._settings.spot
         found: list[Candidate] = []
-        failed: GestureError | None = None
-        followed = False
-        for span in spans(pose.as_coco18(), chosen.gap):
+        failed: list[tuple[PoseSequence, GestureError]] = []
+        parts = list(spans(pose.as_coco18(), chosen.gap))
+        for span in parts:
             try:
                 signals = chain(span)
             except GestureError as error:
-                failed = failed or error
+                failed.append((span, error))
                 continue
-            followed = True
             found += self.search(signals, span, chosen.patience, alive=alive)
-        if failed and not followed:
-            raise failed
+        if failed and len(failed) == len(parts):
+            raise failed[0][1]
         events = merged(found, self.examples.held.tolist(), chosen.merge)
-        return [self._event(one, pose.source, pose.person) for one in events]
+        note = ""
+        if failed:
+            seconds = sum(float(span.times[-1] - span.times[0]) for span, _ in failed)
+            note = (
+                f"{len(failed)} of {len(parts)} parts in which the person is seen, {seconds:.1f} s together, "
+                f"could not be searched: {failed[0][1].code}"
+            )
+        return [self._event(one, pose.source, pose.person) for one in events], note
 
     def search(
         self,

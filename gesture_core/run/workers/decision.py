@@ -87,11 +87,14 @@ class Decider:
                 self._settings, self._signals, self._labels, self._names, alive=alive
             )
 
-    def spot(self, pose: PoseSequence, alive: Callable[[], None]) -> list[Event]:
-        """The events in a recording of one person; ``alive`` is called while they are looked for."""
+    def spot(self, pose: PoseSequence, alive: Callable[[], None]) -> tuple[list[Event], str]:
+        """The events in a recording of one person, and what could not be searched.
+
+        ``alive`` is called while they are looked for.
+        """
         assert self._spotter is not None, "fit comes first"
         with calling(self._entry, remedy="another --kernel, or report it"):
-            return self._spotter.spot(pose, alive)
+            return self._spotter.spot_with_note(pose, alive)
 
     def predict(self, poses: Sequence[PoseSequence]) -> list[Prediction]:
         """One prediction for each of ``poses``, together; one by one where that fails."""

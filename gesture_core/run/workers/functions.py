@@ -154,8 +154,8 @@ def spot(worker: Worker, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[
         worker.report({"slow": True})
         for pose in _people(worker, one["stored"], one["name"]):
             try:
-                events = worker.decider.spot(pose, worker.alive)
-                answers[-1].append({"events": [asdict(event) for event in events]})
+                events, note = worker.decider.spot(pose, worker.alive)
+                answers[-1].append({"events": [asdict(event) for event in events], "note": note})
             except ConfigError:
                 raise
             except GestureError as error:
