@@ -14,7 +14,6 @@ from cyclopts import Parameter
 from gesture_core.cli.flags import REPEATED, UNSAID, Flags, Sources, Workers
 from gesture_core.cli.output import check_folder, counted, print_table, say, say_assumed, warnings_as_lines
 from gesture_core.errors import ConfigError, MissingDependencyError
-from gesture_core.spot.evaluation import POINT
 
 if TYPE_CHECKING:
     from gesture_core.classify.evaluation import Evaluation
@@ -108,6 +107,7 @@ def evaluate(
 def _evaluate_events(sources: Sequence[str], annotations: Path) -> int:
     """Print how well the events of a run fit annotations: a table on a terminal, otherwise a line of JSON."""
     from gesture_core.run.annotations import evaluate_events
+    from gesture_core.spot.evaluation import POINT
 
     if len(sources) != 1:
         raise ConfigError(f"--events with {len(sources)} sources", remedy="one run folder", code="E_OPTION")
