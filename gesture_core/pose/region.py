@@ -43,7 +43,8 @@ class Region:
         radius = float(np.hypot(*up))
         if not radius > 2:
             return None
-        return cls(*middle.tolist(), 2 * ROOM * radius, float(np.arctan2(up[0], -up[1])))
+        x, y = middle.tolist()
+        return cls(x, y, 2 * ROOM * radius, float(np.arctan2(up[0], -up[1])))
 
     @classmethod
     def of(cls, body: Body) -> Region | None:
@@ -77,7 +78,8 @@ class Region:
         onto = self._onto_frame(pixels)
 
         def back(points: np.ndarray) -> np.ndarray:
-            return (points @ onto[:, :2].T + onto[:, 2]).astype(np.float32)
+            moved: np.ndarray = points @ onto[:, :2].T + onto[:, 2]
+            return moved.astype(np.float32)
 
         region = None if person.region is None else back(person.region)
         return replace(person, keypoints=back(person.keypoints), region=region)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(folder: Path, name: str, **changes: object) -> RunSummary:
+def run(folder: Path, name: str, **changes: Any) -> RunSummary:
     return classify_archive(
         folder / "inputs", folder / "examples", folder / name, "paper", engine="inline", **changes
     )

@@ -148,7 +148,9 @@ def test_a_mirrored_input_is_repaired_to_the_mirrored_output(kind: int, frames: 
     KINDS[kind](points, sorted(frames))
     flipped = points[:, MIRROR] * (-1, 1)
     found, other = repaired(pose(points)), repaired(pose(flipped))
-    np.testing.assert_array_equal(other.pose.keypoints, found.pose.keypoints[:, MIRROR] * np.float32((-1, 1)))
+    np.testing.assert_array_equal(
+        other.pose.keypoints, found.pose.keypoints[:, MIRROR] * np.array((-1, 1), np.float32)
+    )
     assert other.frames == found.frames
 
 
@@ -162,7 +164,7 @@ def test_five_frames_are_enough(damage: Damage, frame: int) -> None:
     found = repaired(pose(points)).pose
     kept = found.seen
     assert kept.sum() >= 5 * 18 - 1
-    np.testing.assert_array_equal(found.keypoints[kept], np.float32(clean)[kept])
+    np.testing.assert_array_equal(found.keypoints[kept], clean.astype(np.float32)[kept])
 
 
 def test_a_jump_that_stays_is_a_movement() -> None:
