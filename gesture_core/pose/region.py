@@ -78,8 +78,8 @@ class Region:
         onto = self._onto_frame(pixels)
 
         def back(points: np.ndarray) -> np.ndarray:
-            moved: np.ndarray = (points @ onto[:, :2].T + onto[:, 2]).astype(np.float32)
-            return moved
+            moved: np.ndarray = points @ onto[:, :2].T + onto[:, 2]
+            return moved.astype(np.float32)
 
         region = None if person.region is None else back(person.region)
         return replace(person, keypoints=back(person.keypoints), region=region)
