@@ -44,14 +44,7 @@ def network(tmp_path: Path) -> Path:
 @pytest.fixture
 def known(network: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, KnownModel]:
     """The known networks, and three more: one in a wheel, with a second one, and one in a zip file."""
-    tiny = KnownModel(
-        "tiny",
-        summary="dots",
-        licence="MIT",
-        sha256=(sha(network),),
-        wheel="tiny-pose==1.0",
-        together=("more",),
-    )
+    tiny = KnownModel("tiny", summary="dots", licence="MIT", sha256=(sha(network),), wheel="tiny-pose==1.0")
     added = {
         "tiny": replace(tiny, member="tiny/dots.onnx", together=("more",)),
         "more": replace(tiny, name="more", member="tiny/more.onnx"),
