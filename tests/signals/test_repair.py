@@ -149,7 +149,9 @@ def test_a_mirrored_input_is_repaired_to_the_mirrored_output(kind: int, frames: 
     KINDS[kind](points, sorted(frames))
     flipped = points[:, MIRROR] * (-1, 1)
     found, other = repaired(pose(points)), repaired(pose(flipped))
-    np.testing.assert_array_equal(other.pose.keypoints, found.pose.keypoints[:, MIRROR] * np.float32((-1, 1)))
+    np.testing.assert_array_equal(
+        other.pose.keypoints, found.pose.keypoints[:, MIRROR] * np.array((-1, 1), np.float32)
+    )
     assert other.frames == found.frames
 
 
