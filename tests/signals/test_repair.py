@@ -11,6 +11,7 @@ from bodies import J, pose, standing, waving
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gesture_core.classify.estimator import GestureClassifier
 from gesture_core.settings import load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.signals.repair import repaired
@@ -240,3 +241,15 @@ def test_missing_joints_hide_no_jump() -> None:
     found = repaired(pose(points))
     assert not found.pose.seen[18:21, J["right_wrist"]].any()
     assert found.frames == 1
+
+
+def test_a_prediction_says_where_many_frames_were_repaired() -> None:
+    points = {label: moving() for label in ("up", "few", "many")}
+    swap("wrist")(points["few"], [20])
+    swap("wrist")(points["many"], [5, 6, 7, 20, 21, 30])
+    classifier = GestureClassifier("modern", kernel="numpy").fit(
+        [pose(points["up"]), pose(waving("left_elbow"))], "ab"
+    )
+    few, many = classifier.predictions([pose(points["few"]), pose(points["many"])])
+    assert (few.label, few.note) == ("a", "")
+    assert many.label == "a" and "repaired in 15% of the frames" in many.note
