@@ -28,8 +28,12 @@ def folder(tmp_path: Path) -> Path:
     """Examples in our own archives; an input with y before x, as shares, without a word."""
     for hand in ("left", "right"):
         (tmp_path / "examples" / hand).mkdir(parents=True)
-        facts = {"scores": np.ones((40, 18)), "times": np.arange(40) / 30, "skeleton": "coco18"}
-        np.savez(tmp_path / "examples" / hand / "a.npz", keypoints=movement(hand), **facts)  # type: ignore[arg-type]
+        facts: dict[str, Any] = {
+            "scores": np.ones((40, 18)),
+            "times": np.arange(40) / 30,
+            "skeleton": "coco18",
+        }
+        np.savez(tmp_path / "examples" / hand / "a.npz", keypoints=movement(hand), **facts)
     (tmp_path / "inputs").mkdir()
     shares = movement("right")[:, PICK] / [1280, 720]
     np.save(tmp_path / "inputs" / "movenet.npy", shares[..., ::-1])
