@@ -56,6 +56,33 @@ def classify(
     return _execute(sources, out, flags, run, examples, labels, label_columns)
 
 
+def spot(
+    *sources: Sources,
+    examples: Annotated[tuple[str, ...], SEVERAL],
+    out: Path,
+    labels: str = "folder",
+    label_columns: Annotated[str, UNSAID] = "",
+    flags: Flags | None = None,
+    run: RunFlags | None = None,
+) -> int:
+    """Find the example gestures in long recordings: a row for every event.
+
+    Parameters
+    ----------
+    sources
+        As in gesture classify.
+    examples
+        As in gesture classify. A folder _none holds other movements, which are never an event.
+    out
+        The run folder; it is continued, exported and evaluated as that of gesture classify.
+    labels, label_columns
+        As in gesture classify.
+    """
+    if not examples:
+        raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
+    return _execute(sources, out, flags, run, examples, labels, label_columns, spot=True)
+
+
 def extract(*sources: Sources, out: Path, flags: PoseFlags | None = None, run: RunFlags | None = None) -> int:
     """Find keypoints only, and write them to <out>/keypoints/ as Parquet files.
 
@@ -77,6 +104,7 @@ def _execute(
     examples: tuple[str, ...] = (),
     labels: str = "folder",
     label_columns: str = "",
+    spot: bool = False,
 ) -> int:
     """Run what a command asks for, show it, and return the exit code; without examples, only extract."""
     from gesture_core.run.pipeline import run_archive
@@ -94,6 +122,7 @@ def _execute(
         run.retry_errors,
         run.overwrite,
         label_columns,
+        spot,
     )
     if run.quiet:
         return run_archive(request).exit_code
@@ -101,7 +130,7 @@ def _execute(
 
     with progress(sources, examples) as listener, warnings_as_lines(events=True):
         summary = run_archive(request, listener)
-    print_rows(summary.rows(), classified=bool(examples))
+    print_rows(summary.rows(), "events" if spot else "labels" if examples else "keypoints")
     say_summary(summary)
     return summary.exit_code
 

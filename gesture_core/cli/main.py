@@ -33,6 +33,7 @@ app = App(
 
 _COMMANDS = {
     "classify": "Label every input by the example gestures that it resembles.",
+    "spot": "Find the example gestures in long recordings: what happened when.",
     "extract": "Find keypoints only, and write them to files.",
     "evaluate": "Measure the accuracy of a preset on a labelled archive.",
     "explain": "Show why an input of a run got its label.",
@@ -44,7 +45,12 @@ _COMMANDS = {
     "bench": "Time every installed distance kernel on this machine.",
     "demo": "Run the main job on an archive that the package draws itself.",
 }
-_PLACES = {"extract": "classify:extract", "models": "models:app", "plugins": "plugins:app"}
+_PLACES = {
+    "extract": "classify:extract",
+    "spot": "classify:spot",
+    "models": "models:app",
+    "plugins": "plugins:app",
+}
 for _name, _help in _COMMANDS.items():
     app.command(f"gesture_core.cli.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name, help=_help)
 
@@ -178,6 +184,6 @@ def _refused(error: OSError) -> str:
 
 
 def _interrupted(arguments: Sequence[str]) -> str:
-    if arguments[:1] in (["classify"], ["extract"], ["evaluate"]):  # keypoints that were found are kept
+    if arguments and arguments[0] in ("classify", "spot", "extract", "evaluate"):  # keypoints are kept
         return f"interrupted; resume with: gesture {shlex.join(arguments)}"
     return "interrupted"

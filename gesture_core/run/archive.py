@@ -140,6 +140,46 @@ def classify_archive(
     return run_archive(request, listener)
 
 
+def spot_archive(
+    sources: Sources,
+    examples: Sources,
+    out: str | os.PathLike[str] | None = None,
+    settings: Settings | str | None = None,
+    *,
+    labels: str = "folder",
+    workers: int = 0,
+    engine: str = "processes",
+    retry_errors: bool = False,
+    overwrite: bool = False,
+    listener: Listener | None = None,
+    **changes: Any,
+) -> RunSummary:
+    """Find the examples in long recordings: `gesture spot` as a function.
+
+    The parameters are those of `classify_archive`. An example called ``_none`` is a movement that is no
+    gesture.
+
+    Returns
+    -------
+    RunSummary
+        ``summary.rows()`` has a row for every event, and one for each input without any.
+    """
+    folder = Path(out) if out is not None else Path(tempfile.mkdtemp(prefix="gesture-run-"))
+    request = RunRequest(
+        as_strings(sources),
+        folder,
+        _settings(settings, changes),
+        as_strings(examples),
+        labels,
+        workers,
+        engine,
+        retry_errors=retry_errors,
+        overwrite=overwrite,
+        spot=True,
+    )
+    return run_archive(request, listener)
+
+
 def _settings(settings: Settings | str | None, changes: dict[str, Any]) -> Settings:
     ready = settings if isinstance(settings, Settings) else load_settings(settings)
     return ready.with_values((key.replace("__", "."), value) for key, value in changes.items())

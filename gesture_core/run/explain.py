@@ -81,6 +81,11 @@ def explain(
     with open_results(run) as results:
         rows = list(results.rows())
         row = _row(rows, input, person)
+        if row.event or row.code == "E_NO_EVENT":
+            raise RunFolderError(
+                "is a run of gesture spot, and events have no explanation yet", subject=os.fspath(run),
+                remedy="a clip of the event, and gesture classify", code="E_NO_RUN",
+            )  # fmt: skip
         configuration = json.loads(results.get("configuration") or "{}")
         left_out = {failed.input for failed in results.rows("example")}
         place = results.place_of(row.input)

@@ -92,10 +92,12 @@ def run_configuration(
     identity: Mapping[str, Any],
     examples: Sequence[tuple[Input, str]],
     kernel: str,
+    spot: bool = False,
 ) -> dict[str, Any]:
     """What decides the result of a run; ``examples`` come with their content hashes.
 
-    Without a ``kernel`` nothing is compared, and only what decides the keypoints counts.
+    With ``spot`` they are looked for in long recordings. Without a ``kernel`` nothing is compared, and
+    only what decides the keypoints counts.
     """
     if not kernel:
         tree = _placed(settings).as_dict()
@@ -105,6 +107,8 @@ def run_configuration(
     steps = [registry().find(kind, name.partition(":")[0]) for kind, name in settings.plugins()]
     tree = _placed(settings).as_dict()
     del tree["limits"]
+    if not spot:
+        del tree["spot"]
     return {
         "settings": tree,
         "keypoints": dict(identity),

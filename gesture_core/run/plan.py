@@ -51,6 +51,8 @@ class RunRequest:
         Headings of path and label in a table of labels.
     overwrite : bool
         Forget the rows of a run that was made with other settings.
+    spot : bool
+        Look for the examples in long recordings, instead of comparing them with whole inputs.
     """
 
     sources: tuple[str, ...]
@@ -63,6 +65,7 @@ class RunRequest:
     retry_errors: bool = False
     overwrite: bool = False
     label_columns: str = ""
+    spot: bool = False
 
 
 @dataclass(frozen=True)
@@ -164,7 +167,9 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         item.key: _sha256(results, item, stamps[item.key]) if item.kind != "other" else ""
         for item in examples
     }
-    configuration = run_configuration(settings, identity, [(e, hashes[e.key]) for e in examples], kernel)
+    configuration = run_configuration(
+        settings, identity, [(e, hashes[e.key]) for e in examples], kernel, request.spot
+    )
     changed = _changes(results, configuration, overwrite=request.overwrite)
     done = {} if changed or request.overwrite else results.done(retry_errors=request.retry_errors)
     files = None

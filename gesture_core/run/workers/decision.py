@@ -12,7 +12,8 @@ from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.settings import Settings
-from gesture_core.types import PoseSequence, Prediction, Signals
+from gesture_core.spot.spotter import Spotter
+from gesture_core.types import Event, PoseSequence, Prediction, Signals
 
 
 class Decider:
@@ -21,6 +22,8 @@ class Decider:
     Parameters
     ----------
     settings : Settings
+    spot : bool
+        Look for the examples in long recordings.
 
     Raises
     ------
@@ -28,16 +31,23 @@ class Decider:
         Where the settings name plugins that cannot be used.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, *, spot: bool = False) -> None:
         from gesture_core.dtw.distances import choose_kernel
+        from gesture_core.dtw.subsequence import choose_subsequence_kernel
         from gesture_core.signals.chain import Chain
 
         check_settings(settings)
         Chain.from_settings(settings)
-        self.kernel, _ = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)
+        self._spot = spot
+        kernel = settings.classify.kernel
+        if spot:  # one kernel for both stages
+            kernel, _ = choose_subsequence_kernel(kernel, settings.options)
+        self.kernel, _ = choose_kernel(kernel, settings.dtw, settings.options)
         self._entry = registry().find("kernel", self.kernel)
         self._settings = replace(settings, classify=replace(settings.classify, kernel=self.kernel))
         self._recognizer: Recognizer | None = None
+        self._spotter: Spotter | None = None
+        self._poses: list[PoseSequence] = []
         self._signals: list[Signals] = []
         self._labels: list[str] = []
         self._names: list[str] = []
@@ -59,6 +69,8 @@ class Decider:
         self._signals.append(signals)
         self._labels.append(label)
         self._names.append(name)
+        if self._spot:
+            self._poses.append(people[0])
 
     def fit(self, alive: Callable[[], None]) -> None:
         """All examples are there; a PluginError where the kernel fails at comparing them.
@@ -66,9 +78,23 @@ class Decider:
         ``alive`` is called while they are compared with each other.
         """
         with calling(self._entry, kept="the keypoints", remedy="another --kernel, or report it"):
+            if self._spot:
+                self._spotter = Spotter(
+                    self._poses, self._labels, self._settings, names=self._names, alive=alive
+                )
+                return
             self._recognizer = Recognizer.fit(
                 self._settings, self._signals, self._labels, self._names, alive=alive
             )
+
+    def spot(self, pose: PoseSequence, alive: Callable[[], None]) -> tuple[list[Event], str]:
+        """The events in a recording of one person, and what could not be searched.
+
+        ``alive`` is called while they are looked for.
+        """
+        assert self._spotter is not None, "fit comes first"
+        with calling(self._entry, remedy="another --kernel, or report it"):
+            return self._spotter.spot_with_note(pose, alive)
 
     def predict(self, poses: Sequence[PoseSequence]) -> list[Prediction]:
         """One prediction for each of ``poses``, together; one by one where that fails."""
