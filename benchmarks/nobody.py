@@ -8,6 +8,8 @@ import numpy as np
 
 SOMEBODY = ("data_streams.mp4", "sample.flv", "sample_av1.mp4", "sample_partially_fragmented.mp4")
 """Of ``nasty_media``: files that show a person; the others that can be read show nobody, by eye."""
+SOMETIMES = ("awesome_movie.mov",)
+"""A person who holds a sheet of paper before themselves for half of the time."""
 _BARS = np.array(
     [(255, 255, 255), (0, 255, 255), (255, 255, 0), (0, 255, 0), (255, 0, 255), (0, 0, 255), (255, 0, 0)]
 )

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 from datasets import arguments, body_gesture, need
-from nobody import SOMEBODY, nobody
+from nobody import SOMEBODY, SOMETIMES, nobody
 from pose_measures import Comparison, compare, to_authors
 
 from gesture_core.errors import GestureError
@@ -222,7 +222,7 @@ def presence(shared: Path, student: Extractor, every: int, drawn: int) -> list[G
         print(f"D     {student.name:20} {file.name:32} somebody in {there} of {seen} frames")
         if file.name in SOMEBODY:
             lost, total = lost + seen - there, total + seen
-        else:
+        elif file.name not in SOMETIMES:
             found, frames = found + there, frames + seen
     return [
         Gate("D1", f"share of {total} frames with a person that lose them", lost / total, 0.01, 0.0),

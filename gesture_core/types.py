@@ -173,6 +173,8 @@ class Signals:
         ``(mask_query | mask_example) & present_query & present_example``.
     source : str
         The input, as the user named it.
+    repaired : float
+        Share of the frames in which a joint was wrong and repaired.
     """
 
     values: np.ndarray
@@ -181,6 +183,7 @@ class Signals:
     mask: np.ndarray | None = None
     present: np.ndarray | None = None
     source: str = ""
+    repaired: float = 0.0
 
     def __post_init__(self) -> None:
         values = _single(self.values)
@@ -369,6 +372,8 @@ class Prediction:
         Salient channels of the query.
     code, message : str
         Empty when there is nothing to say.
+    note : str
+        What was done with the input and is worth knowing; mostly empty.
     """
 
     label: str | None
@@ -379,6 +384,7 @@ class Prediction:
     selected: tuple[str, ...] = ()
     code: str = ""
     message: str = ""
+    note: str = ""
 
 
 @dataclass(frozen=True)

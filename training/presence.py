@@ -188,7 +188,7 @@ def fit(table: Table, seed: int) -> Head:
         scaled,
         first.bias.detach().numpy() - scaled @ mean,
         last.weight.detach().numpy()[0],
-        float(last.bias),
+        float(last.bias.detach()),
     )
 
 

@@ -231,8 +231,8 @@ class _Run:
         if self.request.spot or not 0 < self._longest * _LONG < found.seconds:
             return
         warnings.warn(
-            f"{item.name} lasts {found.seconds:.0f} s, the longest example {self._longest:.1f} s: such inputs "
-            "get one label here; gesture spot finds every gesture in them, with its start and end",
+            f"{item.name} lasts {found.seconds:.0f} s, the longest example {self._longest:.1f} s: such "
+            "inputs get one label here; gesture spot finds every gesture in them, with its start and end",
             stacklevel=2,
         )
         self._longest = 0.0

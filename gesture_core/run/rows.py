@@ -23,6 +23,8 @@ def unread_row(item: Input, fingerprint: str) -> Row:
         remedy = f"{FRAMES if picture else 'another format'}, or a manifest that leaves it out"
     elif item.remedy:
         remedy = f"{item.remedy}, then --retry-errors"
+    elif code == Code.MISSING_DEPENDENCY:
+        remedy = "that command, then --retry-errors"
     elif code and code.plugin:
         remedy = "another version of the plugin, then --retry-errors"
     elif item.code in _READING:
@@ -112,6 +114,7 @@ def rows_of(
             + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
             frames_with_pose=seen.frames,
             selected=prediction.selected,
+            note="; ".join(filter(None, (base.note, prediction.note))),
         )
         rows.append(_with_damage(row, item, found))
     return rows

@@ -87,7 +87,7 @@ def _frames(files: list[Path]) -> tuple[np.ndarray, list[KeypointError]]:
     for file in files:
         try:
             with open_keypoints(file, MAX_FILE_BYTES) as opened:
-                arrays.append(read_array(opened, printable(file)).astype(np.float32))
+                arrays.append(read_array(opened, printable(file)).astype(np.float64))
         except KeypointError as error:
             lost.append(KeypointError(error.cause, subject=error.subject, code=error.code))
             arrays.append(None)
@@ -100,5 +100,5 @@ def _frames(files: list[Path]) -> tuple[np.ndarray, list[KeypointError]]:
             cause = f"has the shape {array.shape}, others have {shape}"
             lost.append(KeypointError(cause, subject=printable(files[index]), code="E_KEYPOINTS_SHAPE"))
             arrays[index] = None
-    blank = np.full(shape, np.nan, np.float32)
+    blank = np.full(shape, np.nan)
     return np.stack([blank if array is None else array for array in arrays]), lost

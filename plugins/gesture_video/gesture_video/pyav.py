@@ -90,7 +90,7 @@ class PyAvDecoder(VideoDecoder):
             raise self.error("holds a video stream, but not one frame of it decodes", "E_MEDIA_NO_FRAMES")
         self._decoded = chain((first,), decoded)
         frame = first[1]
-        rotation, mirrored = self._orientation(frame)
+        rotation, mirrored = _orientation(frame)
         rates = [stream.average_rate, stream.guessed_rate]
         if self.container in UNTIMED:  # the demuxer makes up a rate, the stream may have one
             rates = [self._context.framerate]
@@ -206,29 +206,6 @@ class PyAvDecoder(VideoDecoder):
         self._ratio = ratio
         self.change_pixels(ratio.numerator, ratio.denominator)
 
-    def _orientation(self, frame: VideoFrame) -> tuple[float, bool]:
-        """Clockwise rotation in degrees, and whether to mirror after it, from the frame's display matrix.
-
-        The matrix (a, b, c, d) shows the point (x, y) of the stored picture at (a x + c y, b x + d y);
-        ISO 14496-12, section 8.2.2.
-        """
-        try:
-            side_data = cast("SideDataContainer", frame.side_data)
-        except ValueError:
-            # PyAV makes a list of all side data or of none, and FFmpeg knows kinds that it does not.
-            if turn := -float(frame.rotation):
-                self.log.note("turned by its display matrix; whether it is mirrored as well cannot be seen")
-            return turn, False
-        for index in range(len(side_data)):
-            item = side_data[index]
-            if item.type.name == "DISPLAYMATRIX":
-                values = np.frombuffer(bytes(item), np.int32, 9) / 65536
-                a, b, c, d = (float(values[place]) for place in (0, 1, 3, 4))
-                if a * d - b * c < 0:
-                    return math.degrees(math.atan2(b, d)), True
-                return math.degrees(math.atan2(b, a)), False
-        return -float(frame.rotation), False
-
     def _decode(self) -> Iterator[tuple[float | None, VideoFrame]]:
         """Decoded frames with their stamps in seconds; what passes is counted."""
         context, counts = self._context, self._integrity
@@ -297,3 +274,41 @@ class PyAvDecoder(VideoDecoder):
 def _refuse(url: str, flags: int, options: object) -> NoReturn:
     """Called where FFmpeg would open a further file."""
     raise ValueError(f"a media file may not open {url!r}")
+
+
+def _orientation(frame: VideoFrame) -> tuple[float, bool]:
+    """Clockwise rotation in degrees, and whether to mirror after it, from the frame's display matrix.
+
+    The matrix (a, b, c, d) shows the point (x, y) of the stored picture at (a x + c y, b x + d y);
+    ISO 14496-12, section 8.2.2.
+    """
+    side_data = _side_data(frame)
+    if "DISPLAYMATRIX" not in side_data:
+        return -float(frame.rotation), False
+    values = np.frombuffer(bytes(side_data["DISPLAYMATRIX"]), np.int32, 9) / 65536
+    a, b, c, d = (float(values[place]) for place in (0, 1, 3, 4))
+    if a * d - b * c < 0:
+        return math.degrees(math.atan2(b, d)), True
+    return math.degrees(math.atan2(b, a)), False
+
+
+def _side_data(frame: VideoFrame) -> SideDataContainer:
+    """Side data of a frame, with the kinds that FFmpeg knows and this release of PyAV does not.
+
+    One of these, such as the view of a spatial video or the EXIF of a camera, has PyAV refuse all.
+    """
+    try:
+        return cast("SideDataContainer", frame.side_data)
+    except ValueError:
+        from av.sidedata.sidedata import Type
+
+        def unknown(kind: type[Type], value: int) -> Type:
+            member = object.__new__(kind)
+            vars(member).update(_name_=f"UNKNOWN_{value}", _value_=value)
+            return member
+
+        Type._missing_ = classmethod(unknown)  # type: ignore[assignment, method-assign]
+        try:
+            return cast("SideDataContainer", frame.side_data)
+        finally:
+            del Type._missing_
