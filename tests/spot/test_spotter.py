@@ -16,7 +16,7 @@ from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.spot.signals import part_of, spans, stream_chain
 from gesture_core.types import PoseSequence
 
-SETTINGS = load_settings(None, ["classify.kernel=numpy"], environment={})
+SETTINGS = load_settings(None, ["spot.tempos="], environment={})
 
 
 @pytest.fixture(scope="module")
