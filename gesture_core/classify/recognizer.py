@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gesture_core.classify.comparison import check_alike, check_settings, compare
+from gesture_core.classify.comparison import Comparison, check_alike, check_settings
 from gesture_core.classify.decision import decide
 from gesture_core.classify.examples import ExampleLibrary, warn_of_contradictions
+from gesture_core.classify.known import KnownDistances
 from gesture_core.classify.learning import ExampleWeights, learn, needs_distances
 from gesture_core.errors import ConfigError, GestureError, InputError, WarpingError
 from gesture_core.plugin import registry
@@ -43,13 +44,16 @@ class Recognizer:
         Largest distance at which each class gives its label.
     weights : ExampleWeights or None
         How much each example counts for each class, where all of them decide.
+    comparison : Comparison
+        With these examples.
     """
 
     settings: Settings
     library: ExampleLibrary
     kept: np.ndarray
-    thresholds: np.ndarray | None = None
-    weights: ExampleWeights | None = None
+    thresholds: np.ndarray | None
+    weights: ExampleWeights | None
+    comparison: Comparison
 
     @classmethod
     def fit(
@@ -60,9 +64,13 @@ class Recognizer:
         names: Sequence[str] | None = None,
         *,
         alive: Callable[[], None] = lambda: None,
+        known: KnownDistances | None = None,
         stacklevel: int = 1,
     ) -> Recognizer:
-        """Keep ``X`` as examples with the labels ``y``; see `GestureClassifier.fit`."""
+        """Keep ``X`` as examples with the labels ``y``; see `GestureClassifier.fit`.
+
+        Pairs in ``known`` are not compared again; it learns those that are.
+        """
         if len(X) != len(y):
             raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
         check_settings(settings)
@@ -83,15 +91,19 @@ class Recognizer:
                 code="E_NEIGHBORS",
             )
         warn_of_contradictions(library, stacklevel + 1)
-        within = _among(library.series, settings, alive) if needs_distances(chosen) else None
+        comparison = Comparison(library.series, settings, known)
+        within = _among(library.series, comparison, alive) if needs_distances(chosen) else None
         kept, thresholds, weights = learn(library.codes, len(library.classes), chosen, within)
         if chosen.representative:
             library = library.take(kept)
-        return cls(settings, library, kept, thresholds, weights)
+            comparison = Comparison(library.series, settings, known)
+        return cls(settings, library, kept, thresholds, weights, comparison)
 
     def distances(self, series: Sequence[Signals | np.ndarray]) -> np.ndarray:
         """(Q, N) warping distances to the examples of `library`."""
-        return compare(series, self.library.series, self.settings)
+        if not series:
+            return np.empty((0, len(self.library)))
+        return self.comparison.distances(series)
 
     def predictions(self, X: Sequence[Item]) -> list[Prediction]:
         """One `Prediction` for each query; see `GestureClassifier.predictions`."""
@@ -140,14 +152,14 @@ def _signals_of(item: Item, chain: Chain, name: str) -> Signals | np.ndarray:
 
 
 def _among(
-    series: Sequence[Signals | np.ndarray], settings: Settings, alive: Callable[[], None]
+    series: Sequence[Signals | np.ndarray], comparison: Comparison, alive: Callable[[], None]
 ) -> np.ndarray:
     """(N, N) distances among the examples, as many rows at a time as a kernel does in seconds."""
     blocks: list[np.ndarray] = []
     start, rows = 0, 1
     while start < len(series):
         begun = time.monotonic()
-        blocks.append(compare(series[start : start + rows], series, settings))
+        blocks.append(comparison.distances(series[start : start + rows]))
         alive()
         start += rows
         rows = max(1, min(_MOST_ROWS, int(rows * _SECONDS / max(time.monotonic() - begun, 1e-3))))

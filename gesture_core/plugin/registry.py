@@ -8,6 +8,7 @@ into an error of this package.
 from __future__ import annotations
 
 import difflib
+import hashlib
 import importlib
 import importlib.util
 import inspect
@@ -15,10 +16,11 @@ import re
 import sys
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any
 
 import pluggy
@@ -61,6 +63,12 @@ class Registration:
         return f"{self.title} of {self.origin}"
 
     @property
+    def identity(self) -> str:
+        """Distribution and version, and a hash of the code where that may change under one version."""
+        code = _code_sha256(self.target.partition(":")[0])
+        return f"{self.origin} (code {code[:12]})" if code else str(self.origin)
+
+    @property
     def missing(self) -> tuple[str, ...]:
         """Modules that it needs and that are not installed."""
         return tuple(module for module in self.needs if not _installed(module))
@@ -76,6 +84,26 @@ class Registration:
     def title(self) -> str:
         """The name in a sentence: ``pose backend 'onnx'``."""
         return f"{KINDS[self.kind].title} {self.name!r}"
+
+
+@cache
+def _code_sha256(module: str) -> str:
+    """A hash of the Python files in the folder of ``module``; empty for what pip has put into its place.
+
+    An installation that can be edited keeps its version while its code changes.
+    """
+    try:
+        found = importlib.util.find_spec(module)
+    except (Exception, SystemExit):  # noqa: BLE001 - it imports the packages above, which may raise anything
+        return ""
+    if found is None or not found.origin or {"site-packages", "dist-packages"} & {*Path(found.origin).parts}:
+        return ""
+    place, digest = Path(found.origin), hashlib.sha256()
+    alone = "." not in module and place.name != "__init__.py"
+    for file in [place] if alone else sorted(place.parent.rglob("*.py")):
+        with suppress(OSError):  # it goes while we look
+            digest.update(file.relative_to(place.parent).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
 
 
 def _installed(module: str) -> bool:

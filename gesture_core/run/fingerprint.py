@@ -48,18 +48,18 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
         "package": gesture_core.__version__,
         "extraction": REVISION,
         "settings": pose,
-        "backend": str(plugins.find("pose", settings.pose.backend).origin),
+        "backend": plugins.find("pose", settings.pose.backend).identity,
         "options": settings.plugin_options(settings.pose.backend),
         "reader": {
             "name": reader,
-            "origin": str(plugins.find("video", reader).origin),
+            "origin": plugins.find("video", reader).identity,
             "options": settings.plugin_options(reader),
         },
         "model": model,
     }
     readers = {
         name: {
-            "origin": str(plugins.find("reader", name).origin),
+            "origin": plugins.find("reader", name).identity,
             "options": settings.plugin_options(name),
             **shared,
         }
@@ -96,7 +96,7 @@ def run_configuration(
     return {
         "settings": tree,
         "keypoints": dict(identity),
-        "plugins": {f"{step.kind} {step.name}": str(step.origin) for step in steps},
+        "plugins": {f"{step.kind} {step.name}": step.identity for step in steps},
         "examples": {item.name: {"label": item.label, "sha256": sha256} for item, sha256 in examples},
     }
 

@@ -22,6 +22,7 @@ from gesture_core.run.results import Committed, Results, open_results, run_folde
 from gesture_core.run.rows import contradicting_row, rows_of, unread_row
 from gesture_core.run.store import keypoint_store, prune
 from gesture_core.run.workers.engines import Assistant
+from gesture_core.run.workers.functions import encoded
 from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.types import Job, Row
 
@@ -191,7 +192,7 @@ class _Run:
             engine=self.request.engine,
             on_frames=self.listener.frames,
         ) as engine:
-            if plan.examples:
+            if plan.examples and not self._is_fitted():
                 self._fit({item.key: found for item, found in self._extract(engine, examples)})
             arrived: list[tuple[Input, Extracted]] = []
             last = time.monotonic()
@@ -201,6 +202,19 @@ class _Run:
                     self._decide(arrived)
                     arrived, last = [], time.monotonic()
             self._decide(arrived)
+            if plan.examples:
+                self.assistant.ask("keep_distances", {"run": encoded(self.request.out)})
+
+    def _is_fitted(self) -> bool:
+        """Whether an earlier run in this folder has fitted these examples, all of which could be used."""
+        asked = {**self._place, "examples": len(self.plan.examples)}
+        found: bool = self.assistant.ask("open_fitted", asked, keep=True)
+        return found
+
+    @property
+    def _place(self) -> dict[str, str]:
+        """Where what is fitted lies, and what it belongs to."""
+        return {"run": encoded(self.request.out), "fingerprint": self.plan.fingerprint}
 
     def _extract(self, engine: OpenEngine, items: Sequence[Input]) -> Iterator[tuple[Input, Extracted]]:
         for item, found in engine.extract(items):
@@ -244,7 +258,7 @@ class _Run:
                 code="E_CONFIG_CHANGED",
             )
         self.results.set({"library": library})
-        self.assistant.ask("fit", keep=True)
+        self.assistant.ask("fit", self._place, keep=True)
 
     def _example(self, item: Input, found: Extracted | None) -> Row | None:
         """Take an example; or the row that says why it cannot be used."""

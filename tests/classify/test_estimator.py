@@ -17,7 +17,7 @@ from sklearn.utils.validation import check_is_fitted
 from swings import pose, swing
 
 from gesture_core import GestureClassifier, warping_distances
-from gesture_core.classify.comparison import common_share, compare
+from gesture_core.classify.comparison import Extents, common_share, compare
 from gesture_core.classify.recognizer import Recognizer
 from gesture_core.errors import ConfigError, InputError, PluginError, PoseError
 from gesture_core.settings import Settings, load_settings
@@ -190,7 +190,7 @@ def test_mirrored_examples_cost_their_factor() -> None:
 def test_a_distance_on_half_of_the_channels_counts_double() -> None:
     whole = Signals(np.zeros((4, 2)), np.arange(4), ("right_wrist_x", "left_wrist_x"))
     half = Signals(np.ones((4, 2)), np.arange(4), whole.channels, present=np.array([True, False]))
-    assert common_share([whole], [half]).tolist() == [[0.5]]
+    assert common_share(Extents.of([whole]), Extents.of([half])).tolist() == [[0.5]]
     plain = {"mirror": None, "relative": None}
     on, off = with_classify(coverage=True, **plain), with_classify(coverage=False, **plain)
     assert compare([whole], [half], on)[0, 0] == 2 * compare([whole], [half], off)[0, 0]
