@@ -16,6 +16,8 @@ from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Unused
 from gesture_core import __version__
 from gesture_core.errors import Code, ConfigError, GestureError
 from gesture_core.files import printable
+from gesture_core.settings.load import fields_of
+from gesture_core.settings.schema import SECTIONS
 
 EXIT_PIPE = 141
 """Of a command whose output was closed: 128 and the number of SIGPIPE."""
@@ -48,6 +50,7 @@ _PLACES = {"extract": "classify:extract", "models": "models:app", "plugins": "pl
 for _name, _help in _COMMANDS.items():
     app.command(f"gesture_core.cli.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name, help=_help)
 
+_WITH_SETTINGS = frozenset({"classify", "extract", "evaluate", "render", "bench", "demo"})
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
 _REPEATED = ("--set", "--grid", "--contract")
 """Options that take one key=value, and may be given again."""
@@ -164,7 +167,12 @@ def _usage(error: CycloptsError, arguments: Sequence[str]) -> str:
     else:
         cause, meant, rest = str(error).partition(" Did you mean ")
         cause = cause.partition(" Available commands")[0].rstrip(". ")
-        remedy = f"{rest.partition('?')[0]}, or {remedy}" if meant else remedy
+        option = cause.rpartition(" --")[2].replace("-", "_")
+        owners = [section for section in SECTIONS if option in fields_of(section)]
+        if cause.startswith("Unknown option") and owners and chain[:1] and chain[0] in _WITH_SETTINGS:
+            remedy = " or ".join(f"--set {owner}.{option}=VALUE" for owner in owners)
+        elif meant:
+            remedy = f"{rest.partition('?')[0]}, or {remedy}"
     return f"{Code.USAGE} {cause}; try: {remedy}"
 
 
