@@ -40,6 +40,11 @@ def cache_dir() -> Path:
     return Path(platformdirs.user_cache_dir("gesture-core", appauthor=False))
 
 
+def without_cache() -> bool:
+    """Whether ``$GESTURE_NO_CACHE`` asks for work to be done again whose result is in the cache."""
+    return os.environ.get("GESTURE_NO_CACHE", "").lower() not in ("", "0", "false", "no")
+
+
 def models_dir() -> Path:
     """Folder of added model files: ``$GESTURE_MODELS``, or ``models`` in the user's data folder."""
     override = os.environ.get("GESTURE_MODELS")

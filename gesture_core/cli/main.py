@@ -16,6 +16,7 @@ from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Unused
 from gesture_core import __version__
 from gesture_core.errors import Code, ConfigError, GestureError
 from gesture_core.files import printable
+from gesture_core.plugin.registry import tracebacks
 from gesture_core.settings.load import fields_of
 from gesture_core.settings.schema import SECTIONS
 
@@ -27,7 +28,8 @@ app = App(
     help="A folder of videos and a folder of example gestures in, a table of labels out.",
     help_epilogue="Exit codes: 0 all done, 1 fatal, 2 usage, 3 finished with errors, degraded rows "
     "or lost examples, 11 another run holds the folder, 130 and 143 interrupted. "
-    "--traceback with any command, or GESTURE_TRACEBACK=1, shows where an error was raised.",
+    "With any command: --traceback (GESTURE_TRACEBACK=1) shows where an error was raised, in a plugin "
+    "too; --no-cache (GESTURE_NO_CACHE=1) does again what is in the cache.",
     version=__version__,
     help_format="plaintext",
     default_parameter=Parameter(negative=()),
@@ -43,15 +45,23 @@ _COMMANDS = {
     "settings": "List every setting, its type, meaning, default and value.",
     "plugins": "List every plugin, its kind, origin and status.",
     "models": "List, add and verify pose networks.",
+    "cache": "Show or delete what the program has kept to save work.",
     "bench": "Time every installed distance kernel on this machine.",
     "demo": "Run the main job on an archive that the package draws itself.",
 }
-_PLACES = {"extract": "classify:extract", "models": "models:app", "plugins": "plugins:app"}
+_PLACES = {
+    "extract": "classify:extract",
+    "models": "models:app",
+    "cache": "cache:app",
+    "plugins": "plugins:app",
+}
 for _name, _help in _COMMANDS.items():
     app.command(f"gesture_core.cli.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name, help=_help)
 
 _WITH_SETTINGS = frozenset({"classify", "extract", "evaluate", "render", "bench", "demo"})
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
+_EVERYWHERE = {"--traceback": "GESTURE_TRACEBACK", "--no-cache": "GESTURE_NO_CACHE"}
+"""Flags of every command, and the variables that are the same."""
 _REPEATED = ("--set", "--grid", "--contract")
 """Options that take one key=value, and may be given again."""
 
@@ -70,11 +80,22 @@ def run(arguments: Sequence[str]) -> int:
     signal.signal(signal.SIGTERM, _on_sigterm)
     for stream in (sys.stdout, sys.stderr):  # any bytes may stand in a file name
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
-    arguments, traced = list(arguments), os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
+    arguments = list(arguments)
     end = arguments.index("--") if "--" in arguments else len(arguments)
-    if "--traceback" in arguments[:end]:
-        arguments.remove("--traceback")
-        traced = True
+    asked = {flag for flag in _EVERYWHERE if flag in arguments[:end]}
+    arguments = [word for place, word in enumerate(arguments) if word not in asked or place >= end]
+    before = {name: os.environ.get(name) for name in _EVERYWHERE.values()}
+    os.environ.update({_EVERYWHERE[flag]: "1" for flag in asked})  # of worker processes, too
+    try:
+        return _run(arguments)
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            os.environ.update({} if value is None else {name: value})
+
+
+def _run(arguments: list[str]) -> int:
+    traced = tracebacks()
     try:
         command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
         if "sources" in bound.arguments:

@@ -12,9 +12,11 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
+import os
 import re
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, field
@@ -341,6 +343,8 @@ def calling(
         more = "a larger limits.memory (--set, or GESTURE_SET_LIMITS__MEMORY), and --retry-errors"
         raise PluginError(f"{name}: out of memory", kept=kept, remedy=more, code="E_WORKER_MEMORY") from error
     except (Exception, SystemExit) as error:
+        if tracebacks():
+            print("".join(traceback.format_exception(error)), file=sys.stderr, flush=True)
         cause = f"{name} {verb}{'' if verb.endswith('raised') else ':'} {described(error)}"
         raise PluginError(cause, kept=kept, remedy=remedy, code=code) from error
     finally:
@@ -348,6 +352,20 @@ def calling(
         _say_who_is_called(called)
 
 
+def tracebacks() -> bool:
+    """Whether ``GESTURE_TRACEBACK`` asks for it, or a plugin is being debugged: see `show_tracebacks`."""
+    return bool(_shown) or os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
+
+
+def show_tracebacks(shown: bool) -> None:
+    """Print where a plugin raised, its author's own lines, on standard error, until that is over."""
+    if shown:
+        _shown.append(True)
+    elif _shown:
+        _shown.pop()
+
+
+_shown: list[bool] = []
 _calls = threading.local()
 _watchers: list[Callable[[str], None]] = []
 

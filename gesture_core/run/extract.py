@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from gesture_core.cores import usable_cores
-from gesture_core.errors import ModelError, PluginError, RunFolderError, WorkerError
+from gesture_core.errors import ConfigError, ModelError, PluginError, RunFolderError, WorkerError
 from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.interfaces import Closeable, ExecutionEngine
 from gesture_core.plugin.registry import Registration, calling, registry
@@ -125,6 +125,8 @@ class OpenEngine:
                 code="E_STORE_WRITE",
             ) from error
         for outcome in self._run([Task(0, "try_model")], lambda task, count: None):
+            if isinstance(outcome.error, ConfigError):  # of the backend's options, not of the network
+                raise outcome.error
             if outcome.error:
                 raise ModelError(
                     f"fails on a known picture: {outcome.error}",

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
+from gesture_core.files import without_cache
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.inputs import Input
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
@@ -37,6 +38,9 @@ class Listener:
 
     def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
         """The work is known: all inputs, those that still wait, the examples, the kernel."""
+
+    def stage(self, name: str) -> None:
+        """What is done from now on: ``keypoints``, ``fitting``, ``comparing`` or ``writing``."""
 
     def frames(self, name: str, count: int) -> None:
         """``count`` further frames of an input are done."""
@@ -196,17 +200,22 @@ class _Run:
                 self._fit({item.key: found for item, found in self._extract(engine, examples)})
             arrived: list[tuple[Input, Extracted]] = []
             last = time.monotonic()
+            self.listener.stage("keypoints")
             for item, found in self._extract(engine, readable):
                 arrived.append((item, found))
                 if len(arrived) >= _BATCH or time.monotonic() - last > _SECONDS_BETWEEN_BATCHES:
                     self._decide(arrived)
+                    self.listener.stage("keypoints")
                     arrived, last = [], time.monotonic()
             self._decide(arrived)
             if plan.examples:
+                self.listener.stage("writing")
                 self.assistant.ask("keep_distances", {"run": encoded(self.request.out)})
 
     def _is_fitted(self) -> bool:
         """Whether an earlier run in this folder has fitted these examples, all of which could be used."""
+        if without_cache():
+            return False
         asked = {**self._place, "examples": len(self.plan.examples)}
         found: bool = self.assistant.ask("open_fitted", asked, keep=True)
         return found
@@ -258,6 +267,7 @@ class _Run:
                 code="E_CONFIG_CHANGED",
             )
         self.results.set({"library": library})
+        self.listener.stage("fitting")
         self.assistant.ask("fit", self._place, keep=True)
 
     def _example(self, item: Input, found: Extracted | None) -> Row | None:
@@ -286,7 +296,8 @@ class _Run:
         """Decide about the people in a batch of inputs, and commit their rows."""
         met = [(item, found) for item, found in batch if found.people and not found.code]
         decided: dict[bytes, tuple[list[dict[str, Any]], int]] = {}
-        if self.plan.examples:
+        if self.plan.examples and met:
+            self.listener.stage("comparing")
             for start in range(0, len(met), _TOGETHER):
                 decided |= self._decided(met[start : start + _TOGETHER])
         for item, found in batch:

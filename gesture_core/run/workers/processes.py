@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import IO, Any
 
 from gesture_core.errors import WorkerError
+from gesture_core.plugin.registry import tracebacks
 from gesture_core.run.workers.worker import from_tree
 from gesture_core.settings import LimitSettings
 from gesture_core.types import Job, Outcome, Task
@@ -262,6 +263,8 @@ class WorkerProcess:
     def _read_errors(self, pipe: IO[str]) -> None:
         with suppress(ValueError, OSError):
             for line in pipe:
+                if tracebacks():
+                    print(line, end="", file=sys.stderr, flush=True)
                 if line.strip():
                     self._error_lines.append(line.strip()[:200])
 
