@@ -18,7 +18,6 @@ from gesture_core.errors import Code, ConfigError, GestureError
 from gesture_core.files import printable
 from gesture_core.plugin.registry import tracebacks
 from gesture_core.settings.load import fields_of
-from gesture_core.settings.schema import SECTIONS
 
 EXIT_PIPE = 141
 """Of a command whose output was closed: 128 and the number of SIGPIPE."""
@@ -58,7 +57,11 @@ _PLACES = {
 for _name, _help in _COMMANDS.items():
     app.command(f"gesture_core.cli.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name, help=_help)
 
-_WITH_SETTINGS = frozenset({"classify", "extract", "evaluate", "render", "bench", "demo"})
+_ALL = ("pose", "signals", "dtw", "classify", "limits")
+_WITH_SETTINGS = {name: _ALL for name in ("classify", "evaluate", "demo")} | {
+    "extract": ("pose", "limits"), "render": ("pose", "limits"), "bench": ("dtw",),
+}  # fmt: skip
+"""Sections whose settings have a meaning in a command."""
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
 _EVERYWHERE = {"--traceback": "GESTURE_TRACEBACK", "--no-cache": "GESTURE_NO_CACHE"}
 """Flags of every command, and the variables that are the same."""
@@ -189,8 +192,9 @@ def _usage(error: CycloptsError, arguments: Sequence[str]) -> str:
         cause, meant, rest = str(error).partition(" Did you mean ")
         cause = cause.partition(" Available commands")[0].rstrip(". ")
         option = cause.rpartition(" --")[2].replace("-", "_")
-        owners = [section for section in SECTIONS if option in fields_of(section)]
-        if cause.startswith("Unknown option") and owners and chain[:1] and chain[0] in _WITH_SETTINGS:
+        sections = _WITH_SETTINGS.get(next(iter(chain), ""), ())
+        owners = [section for section in sections if option in fields_of(section)]
+        if cause.startswith("Unknown option") and owners:
             remedy = " or ".join(f"--set {owner}.{option}=VALUE" for owner in owners)
         elif meant:
             remedy = f"{rest.partition('?')[0]}, or {remedy}"

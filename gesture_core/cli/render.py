@@ -31,14 +31,15 @@ def render(
     video
         The video.
     out
-        A name.mp4 for a video (needs PyAV), a name.png for a strip of pictures; <video>-pose.mp4 by default.
+        A name.mp4 for a video (needs PyAV), a name.png for a strip of pictures, cropped to the people;
+        <video>-pose.mp4 by default.
     people
         single, or multi: who is lost for a while comes back as another person. As pose.people by default.
     overwrite
         Replace a file that is there.
     """
     from gesture_core.plugin.interfaces import VideoLimits
-    from gesture_core.report.overlay import can_write_video, overlay, write_strip, write_video
+    from gesture_core.report.overlay import around, can_write_video, overlay, write_strip, write_video
     from gesture_core.video import open_video
 
     settings = (flags or PoseFlags()).settings()
@@ -57,8 +58,11 @@ def render(
     # The video is decoded twice, so that it never has to be held in memory.
     limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
     with open_video(video, settings.pose.reader, limits, settings.options) as frames:
-        write = write_video if target.suffix.lower() == ".mp4" else write_strip
-        count = write(overlay(frames, found), target)
+        drawn = overlay(frames, found)
+        if target.suffix.lower() == ".mp4":
+            count = write_video(drawn, target)
+        else:
+            count = write_strip(drawn, target, box=around(found))
     longest = max(sequence.frames_with_pose for sequence in found)
     who = (
         f"1 person, in {longest} of them"

@@ -26,6 +26,8 @@ _SIDES = {
 """Blue, green and red of each side of the body."""
 _CLOCK = 90_000
 """Ticks in a second of the video, so that real time stamps are kept."""
+_ROOM = 0.15
+"""Left free around a person, as a share of their larger side."""
 _SAME = 0.0005
 """Seconds below which two times are one: less than half a frame at the fastest rate that is read."""
 
@@ -151,8 +153,28 @@ def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quali
     return count
 
 
+def around(poses: Sequence[PoseSequence]) -> tuple[int, int, int, int] | None:
+    """Left, top, right and bottom, in pixels, of where anybody is at any time, with room around it.
+
+    Single joints that are far off do not count. None where nobody is seen.
+    """
+    points = np.concatenate([pose.keypoints[..., :2].reshape(-1, 2) for pose in poses])
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) == 0:
+        return None
+    low, high = np.percentile(points, [1, 99], axis=0)
+    room = _ROOM * float((high - low).max())
+    (left, top), (right, bottom) = np.floor(low - room).astype(int), np.ceil(high + room).astype(int)
+    return int(left), int(top), int(right), int(bottom)
+
+
 def write_strip(
-    frames: Iterable[tuple[float, np.ndarray]], path: Path, *, pictures: int = 8, height: int = 240
+    frames: Iterable[tuple[float, np.ndarray]],
+    path: Path,
+    *,
+    box: tuple[int, int, int, int] | None = None,
+    pictures: int = 8,
+    height: int = 240,
 ) -> int:
     """Write about evenly spaced frames side by side as a PNG; the number of frames seen.
 
@@ -165,6 +187,8 @@ def write_strip(
         (H, W, 3) uint8 in BGR.
     path : path
         ``.png``; it appears once it is complete.
+    box : (left, top, right, bottom), optional
+        The part of each frame that is shown, such as that of `around`.
     pictures : int
         How many at most.
     height : int
@@ -181,6 +205,9 @@ def write_strip(
     step, count = 1, 0
     for _, frame in frames:
         if count % step == 0:
+            if box is not None:
+                left, top, right, bottom = (max(0, edge) for edge in box)
+                frame = frame[top:bottom, left:right] if min(frame[top:bottom, left:right].shape) else frame
             width = max(1, round(frame.shape[1] * height / frame.shape[0]))
             kept.append(cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA))
             if len(kept) == 2 * pictures:
