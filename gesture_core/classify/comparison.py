@@ -276,7 +276,10 @@ class _Reading:
 
 def _channels(batch: SignalBatch, part: list[int]) -> SignalBatch:
     """Some channels of every series."""
-    return SignalBatch(batch.values[:, :, part], batch.lengths, batch.masks[:, part], batch.present[:, part])
+    values, masks, present = (
+        np.ascontiguousarray(array[..., part]) for array in (batch.values, batch.masks, batch.present)
+    )
+    return SignalBatch(values, batch.lengths, masks, present)
 
 
 def divided(distances: np.ndarray, by: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from gesture_core.files import cache_dir
 _PARTS = {
     "keypoints": "of videos and keypoint files, by their content; every run uses them",
     "probed": "pose networks that have passed their trial",
+    "numba": "compiled distance kernels, where the package's own folder cannot be written",
 }
 """Folders in the cache, and what is in them."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import shlex
@@ -14,6 +15,7 @@ from types import FrameType
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 
 from gesture_core import __version__
+from gesture_core.cli.output import say, say_event
 from gesture_core.errors import Code, ConfigError, GestureError
 from gesture_core.files import printable
 from gesture_core.plugin.registry import tracebacks
@@ -97,8 +99,27 @@ def run(arguments: Sequence[str]) -> int:
             os.environ.update({} if value is None else {name: value})
 
 
+class _Notes(logging.Handler):
+    """What the package and its plugins log, such as what a wait is for: a line for people or an event."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if sys.stderr.isatty():
+            say(record.getMessage())
+        else:
+            say_event("note", text=record.getMessage())
+
+
 def _run(arguments: list[str]) -> int:
     traced = tracebacks()
+    notes = _Notes(logging.WARNING)
+    logging.getLogger("gesture_core").addHandler(notes)
+    try:
+        return _done(arguments, traced)
+    finally:
+        logging.getLogger("gesture_core").removeHandler(notes)
+
+
+def _done(arguments: list[str], traced: bool) -> int:
     try:
         command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
         if "sources" in bound.arguments:

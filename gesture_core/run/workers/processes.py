@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import queue
 import signal
@@ -255,6 +256,9 @@ class WorkerProcess:
                     self._ready = True
                     if "plugin" in message:  # kept here, as nobody waits for it
                         self._plugin = str(message["plugin"])
+                    elif "note" in message:
+                        logging.getLogger("gesture_core").warning(str(message["note"]))
+                        self._seen = time.monotonic()
                     else:
                         inbox.put((self, message))
         finally:
