@@ -267,7 +267,7 @@ def plugins_page() -> Iterator[str]:
             if entry.missing:
                 log.warning("%s needs %s to be documented", entry.title, ", ".join(entry.missing))
             else:
-                yield from plugin_options(entry.name, found.load(kind, entry.name), KINDS[kind].given)
+                yield from plugin_options(entry.name, found.load(kind, entry.name), KINDS[kind].filled)
 
 
 def plugin_options(name: str, target: type, given: tuple[str, ...]) -> Iterator[str]:

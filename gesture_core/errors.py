@@ -115,7 +115,7 @@ class Code(StrEnum):
     KEYPOINTS_TIMES = "E_KEYPOINTS_TIMES", "times are not finite, ascending seconds", "correct the times"
     KEYPOINTS_SKELETON = "E_KEYPOINTS_SKELETON", "the joints are of no known layout", "name the skeleton"
     KEYPOINTS_MEMBER = "E_KEYPOINTS_MEMBER", "a file has no sequence of this name", "one of those it has"
-    KEYPOINTS_LINK = "E_KEYPOINTS_LINK", "a link leads out of its folder", "copy the file itself"
+    KEYPOINTS_IMPLAUSIBLE = "E_KEYPOINTS_IMPLAUSIBLE", "keypoints of no possible body", "other keypoints.…"
     KEYPOINTS_LIMIT = "E_KEYPOINTS_LIMIT", "a keypoint file exceeds a limit", "a larger limits.frames"
     SKELETON = "E_SKELETON", "no such skeleton", "one that the message lists"
 
@@ -152,6 +152,7 @@ class Code(StrEnum):
     MODEL_LOAD = "E_MODEL_LOAD", "the runtime cannot load the network", "gesture models verify"
     MODEL_RUN = "E_MODEL_RUN", "the runtime cannot run the network", "another network"
     MODEL_PROBE = "E_MODEL_PROBE", "the network fails on a known picture", "another --model or --pose"
+    PROVIDER = "E_PROVIDER", "what a network should run on is not there", "pose.provider=auto"
     MODEL_URL = "E_MODEL_URL", "an address cannot be fetched", "download the file yourself"
     OFFLINE = "E_OFFLINE", "downloads are switched off", "unset GESTURE_OFFLINE, or add a file"
 

@@ -6,7 +6,7 @@ everything after the keypoint reader sees only it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -29,7 +29,7 @@ class Skeleton:
     limbs : tuple of (str, str)
         Pairs of joints to draw as bones.
     derived : mapping
-        COCO-18 joints that this skeleton lacks, each the midpoint of two of its joints.
+        COCO-18 joints that this skeleton lacks, each the midpoint of two of its joints, or one of them twice.
     """
 
     name: str
@@ -40,6 +40,11 @@ class Skeleton:
     def index(self, joint: str) -> int:
         """Position of ``joint`` in the keypoint array."""
         return self.joints.index(joint)
+
+    @property
+    def has_neck(self) -> bool:
+        """Whether the neck, the origin of the body, is there or can be derived."""
+        return "neck" in self.joints or "neck" in self.derived
 
     @property
     def mirror(self) -> tuple[int, ...]:
@@ -159,9 +164,84 @@ BLAZEPOSE33 = Skeleton(
     _MIDDLE_NECK,
 )  # fmt: skip
 
+HALPE26 = Skeleton(
+    "halpe26",
+    (
+        *COCO17.joints,
+        "head_top", "neck", "mid_hip",
+        "left_big_toe", "right_big_toe", "left_small_toe", "right_small_toe", "left_heel", "right_heel",
+    ),
+    (*_NECK_LIMBS, ("neck", "head_top"), *_FACE),
+)  # fmt: skip
+
+H36M17 = Skeleton(
+    "h36m17",
+    (
+        "mid_hip",
+        "right_hip", "right_knee", "right_ankle",
+        "left_hip", "left_knee", "left_ankle",
+        "spine", "neck", "nose", "head_top",
+        "left_shoulder", "left_elbow", "left_wrist",
+        "right_shoulder", "right_elbow", "right_wrist",
+    ),
+    (*_NECK_LIMBS, ("neck", "nose"), ("nose", "head_top")),
+)  # fmt: skip
+
+# Of Kinect's joints the centre of the shoulders is what others call the neck.
+KINECT20 = Skeleton(
+    "kinect20",
+    (
+        "mid_hip", "spine", "neck", "head",
+        "left_shoulder", "left_elbow", "left_wrist", "left_hand",
+        "right_shoulder", "right_elbow", "right_wrist", "right_hand",
+        "left_hip", "left_knee", "left_ankle", "left_foot",
+        "right_hip", "right_knee", "right_ankle", "right_foot",
+    ),
+    (*_NECK_LIMBS, ("neck", "head")),
+)  # fmt: skip
+
+KINECT25 = Skeleton(
+    "kinect25",
+    (
+        "mid_hip", "spine", "upper_neck", "head",
+        "left_shoulder", "left_elbow", "left_wrist", "left_hand",
+        "right_shoulder", "right_elbow", "right_wrist", "right_hand",
+        "left_hip", "left_knee", "left_ankle", "left_foot",
+        "right_hip", "right_knee", "right_ankle", "right_foot",
+        "neck",
+        "left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb",
+    ),
+    (*_NECK_LIMBS, ("neck", "head")),
+)  # fmt: skip
+
 SKELETONS: Mapping[str, Skeleton] = MappingProxyType(
-    {s.name: s for s in (COCO18, COCO17, BODY25, MPI15, BLAZEPOSE33)}
+    {s.name: s for s in (COCO18, COCO17, BODY25, MPI15, BLAZEPOSE33, HALPE26, H36M17, KINECT20, KINECT25)}
 )
+
+# What may stand in for a joint of COCO-18 where a file has no such joint: first what is there counts.
+_STAND_INS: tuple[tuple[str, tuple[str, str]], ...] = (
+    ("neck", ("left_shoulder", "right_shoulder")),
+    ("left_hip", ("mid_hip", "mid_hip")),
+    ("right_hip", ("mid_hip", "mid_hip")),
+    ("left_wrist", ("left_hand", "left_hand")),
+    ("right_wrist", ("right_hand", "right_hand")),
+)
+
+
+def skeleton_of(joints: Sequence[str]) -> Skeleton:
+    """The skeleton of a file that names its joints: a known one, or one of its own called ``named``.
+
+    Its neck is the middle of the shoulders, and its hips the middle of the body, where it has none itself.
+    """
+    names = tuple(joints)
+    for known in SKELETONS.values():
+        if known.joints == names:
+            return known
+    derived = {
+        joint: parents for joint, parents in _STAND_INS if joint not in names and set(parents) <= set(names)
+    }
+    limbs = tuple(limb for limb in (*_NECK_LIMBS, ("neck", "nose"), *_FACE) if set(limb) <= set(names))
+    return Skeleton("named", names, limbs, derived)
 
 
 def skeleton(name: str) -> Skeleton:

@@ -122,6 +122,21 @@ class PoseSequence:
         """Number of frames in which any joint was found."""
         return int(self.seen.any(axis=1).sum())
 
+    @property
+    def box(self) -> tuple[float, ...]:
+        """Left, top, right and bottom of all joints in all frames, inside the frame; empty without any joint.
+
+        Rounded to a thousandth of the longer side, as a row shows it.
+        """
+        points = self.keypoints[self.seen]
+        if not len(points):
+            return ()
+        if self.frame_size:
+            points = np.clip(points, 0, np.array(self.frame_size) - 1)
+        edges = np.concatenate([points.min(axis=0), points.max(axis=0)]).astype(np.float64)
+        digits = 3 - int(np.ceil(np.log10(max(float((edges[2:] - edges[:2]).max()), 1e-6))))
+        return tuple(round(edge, max(digits, 0)) for edge in edges.tolist())
+
     def as_coco18(self) -> PoseSequence:
         """The same sequence in the canonical skeleton (itself where it already is)."""
         if self.skeleton == COCO18.name:
@@ -400,9 +415,22 @@ class Row:
         ``ok``, ``degraded``, ``rejected``, ``skipped`` or ``error``.
     code, message : str
         Why, where the status is not ``ok``.
+    note : str
+        What the input does not say and was assumed, or what was done with it that its file name does not
+        tell: clauses, joined by semicolons; empty where there was nothing.
+    start, end : float or None
+        Seconds of the first and the last frame in which the person was found.
+    box : tuple of four floats, or empty
+        Left, top, right and bottom of where the person was in all that time, in pixels of the upright picture
+        (or in the unit of the keypoint file).
     frames_declared : int or None
         What the container claims.
-    frames_read, frames_with_pose : int
+    frames_read : int
+        All that were decoded.
+    frames_looked_at : int
+        Those of them in which people were looked for (``pose.rate``).
+    frames_with_pose : int
+        Those of them in which this person was found.
     seconds : float
         Length of what was read.
     selected : tuple of str
@@ -424,8 +452,13 @@ class Row:
     status: Status = "error"
     code: str = ""
     message: str = ""
+    note: str = ""
+    start: float | None = None
+    end: float | None = None
+    box: tuple[float, ...] = ()
     frames_declared: int | None = None
     frames_read: int = 0
+    frames_looked_at: int = 0
     frames_with_pose: int = 0
     seconds: float = 0.0
     selected: tuple[str, ...] = ()
@@ -438,6 +471,7 @@ class Row:
         record = asdict(self)
         record["neighbors"] = json.dumps(self.neighbors, ensure_ascii=False)
         record["selected"] = " ".join(self.selected)
+        record["box"] = " ".join(f"{edge:g}" for edge in self.box)
         if len(self.message) > _LONGEST:  # a plugin's error may be of any length
             record["message"] = f"{self.message[:_LONGEST]}…"
         return {name: printable(value) if isinstance(value, str) else value for name, value in record.items()}
@@ -448,6 +482,7 @@ class Row:
         values = {name: record[name] for name in COLUMNS}
         values["neighbors"] = tuple((e, label, d) for e, label, d in json.loads(record["neighbors"]))
         values["selected"] = tuple(record["selected"].split())
+        values["box"] = tuple(map(float, record["box"].split()))
         return cls(**values)
 
 

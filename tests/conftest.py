@@ -11,6 +11,7 @@ from hypothesis import settings
 
 if TYPE_CHECKING:
     from gesture_core.demo.archive import DemoArchive
+    from gesture_core.pose.models import ModelFile
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -40,6 +41,23 @@ def shared() -> Path:
 def shared_models() -> Path:
     """The folder of pose networks beside the repository; skips with a reason where it is absent."""
     return _shared_folder("models")
+
+
+@pytest.fixture(scope="session")
+def blazepose(tmp_path_factory: pytest.TempPathFactory) -> ModelFile:
+    """BlazePose, fetched as a user would; skips with a reason where no index that pip asks is reached."""
+    from gesture_core.errors import ModelError
+    from gesture_core.pose.downloads import get_model
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GESTURE_MODELS", str(tmp_path_factory.mktemp("fetched")))
+        patch.delenv("GESTURE_OFFLINE", raising=False)
+        try:
+            return get_model("blazepose")[0]
+        except ModelError as error:
+            if error.code != "E_MODEL_URL":
+                raise
+            pytest.skip(f"the wheel of BlazePose cannot be fetched here: {error.cause}")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -15,7 +15,7 @@ CORE = ROOT / "gesture_core"
 HEAVY = {"jax", "torch", "cv2", "onnxruntime", "numba", "pyarrow", "av", "sklearn", "matplotlib"}
 FLOORS = [
     {"errors", "files", "cores", "__init__"},
-    {"skeletons"},
+    {"skeletons", "joint_names"},
     {"dtw.spec"},
     {"types", "plugin"},
     {"settings"},
@@ -105,7 +105,9 @@ PUBLIC_FOR = {
         "errors",
         "files",
         "plugin.hooks",
+        "joint_names",
         "plugin.interfaces",
+        "plugin.reading",
         "pose",
         "skeletons",
         "types",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from gesture_core.cli.flags import SEVERAL, Flags, PoseFlags, RunFlags, Sources
-from gesture_core.cli.output import counted, named, print_rows, say, say_assumed, say_event
+from gesture_core.cli.output import counted, named, print_rows, say, say_assumed, say_event, say_notes
 from gesture_core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -121,6 +121,7 @@ def say_summary(summary: RunSummary, rows: Sequence[Row] = ()) -> None:
         inputs_among_examples=summary.inputs_among_examples,
         gone=summary.gone,
         assumed=dict(summary.assumed),
+        notes=dict(summary.notes),
         database=str(summary.out / "run.db"),
         fingerprint=summary.fingerprint,
         exit_code=summary.exit_code,
@@ -151,6 +152,7 @@ def _say_to_people(summary: RunSummary, labels: Counter[str], right: int | None)
     if summary.gone:
         say(f"no longer there, and without a row from now on: {counted(summary.gone, 'input')}")
     say_assumed(summary.assumed)
+    say_notes(summary.notes)
     if summary.done_now and summary.failed_examples:
         say(f"{counted(len(summary.failed_examples), 'example')} left out, as said above")
     else:

@@ -6,11 +6,14 @@ import csv
 import shlex
 import tempfile
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from gesture_core.cli.flags import UNSAID, Flags
 from gesture_core.cli.output import check_folder, row_table, say
 from gesture_core.errors import Code, ModelError
+
+if TYPE_CHECKING:
+    from gesture_core.settings import Settings
 
 
 def demo(
@@ -39,7 +42,7 @@ def demo(
     settings = (flags or Flags()).settings()
     say(f"drawing 36 clips of 6 gestures into {folder} ...")
     archive = write_archive(folder)
-    if not keypoints and not _has_model(settings.pose.model):
+    if not keypoints and not _has_model(settings):
         say("no pose network is installed: classifying the keypoint files")
         keypoints = True
     sources, examples = (
@@ -68,11 +71,12 @@ def _quoted(argument: str | Path) -> str:
     return shlex.quote(str(argument))
 
 
-def _has_model(name: str) -> bool:
+def _has_model(settings: Settings) -> bool:
+    from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.models import find_model
 
     try:
-        find_model(name)
+        find_model(choose_pose(settings).pose.model)
     except ModelError as error:
         if error.code == Code.MODEL_MISSING:
             return False

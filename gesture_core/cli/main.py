@@ -20,6 +20,7 @@ from gesture_core.errors import Code, ConfigError, GestureError
 from gesture_core.files import printable
 from gesture_core.plugin.registry import tracebacks
 from gesture_core.settings.load import fields_of
+from gesture_core.settings.schema import SECTIONS
 
 EXIT_PIPE = 141
 """Of a command whose output was closed: 128 and the number of SIGPIPE."""
@@ -59,9 +60,8 @@ _PLACES = {
 for _name, _help in _COMMANDS.items():
     app.command(f"gesture_core.cli.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name, help=_help)
 
-_ALL = ("pose", "signals", "dtw", "classify", "limits")
-_WITH_SETTINGS = {name: _ALL for name in ("classify", "evaluate", "demo")} | {
-    "extract": ("pose", "limits"), "render": ("pose", "limits"), "bench": ("dtw",),
+_WITH_SETTINGS = {name: tuple(SECTIONS) for name in ("classify", "evaluate", "demo")} | {
+    "extract": ("pose", "keypoints", "limits"), "render": ("pose", "limits"), "bench": ("dtw",),
 }  # fmt: skip
 """Sections whose settings have a meaning in a command."""
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")

@@ -1,11 +1,13 @@
-"""``gesture models``: which pose networks there are, which hash and licence, and adding others."""
+"""``gesture models``: which pose networks there are, with hash and licence; fetching and adding others."""
 
 from __future__ import annotations
 
 import sys
 import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import cyclopts
 from cyclopts import Parameter
@@ -13,9 +15,12 @@ from cyclopts import Parameter
 from gesture_core.cli.flags import UNSAID
 from gesture_core.errors import ModelError
 
+if TYPE_CHECKING:
+    from gesture_core.pose.models import ModelFile
+
 app = cyclopts.App(
     name="models",
-    help="List, add and verify pose networks.",
+    help="List, get, add and verify pose networks.",
     help_format="plaintext",
     default_parameter=Parameter(negative=()),
 )
@@ -23,12 +28,13 @@ app = cyclopts.App(
 
 @app.default
 def list_models() -> int:
-    """List the networks that are here, and the public ones that can be added."""
+    """List the networks that are here, and the public ones that can be fetched or added."""
     from gesture_core.cli.output import print_table
     from gesture_core.files import models_dir
     from gesture_core.pose.models import added_names, find_model, known_models, read_card
 
     here: list[tuple[str, ...]] = []
+    get: list[tuple[str, ...]] = []
     more: list[tuple[str, ...]] = []
     for name in added_names():
         try:
@@ -36,20 +42,26 @@ def list_models() -> int:
         except ModelError as error:
             here.append((name, f"broken: {error.cause}", "", "", "", str(models_dir() / name)))
             continue
-        here.append((name, "added", *_facts(card.contract), card.sha256[:12], card.licence, str(card.path)))
+        here.append((name, "added", *_facts(card), card.sha256[:12], card.licence, str(card.path)))
     for known in known_models().values():
         if known.name in added_names():
             continue
-        path = known.packaged_path
-        if path is not None:
-            hash_ = find_model(known.name).sha256[:12]
-            facts = _facts(known.contract)
-            here.append((known.name, "packaged", *facts, hash_, known.licence, str(path)))
+        if known.packaged_path is not None:
+            found = find_model(known.name)
+            row = known.name, "packaged", *_facts(found), found.sha256[:12], known.licence, str(found.path)
+            here.append(row)
+        elif known.member:
+            unused = "" if known.contract else "; no setting of this version uses it"
+            get.append((known.name, known.summary + unused, known.licence, known.wheel or known.url))
         else:
             where = "missing from this installation" if known.packaged else known.where
             more.append((known.name, known.summary, known.licence, where))
     print_table(("name", "status", "output", "input", "sha256", "licence"), [row[:-1] for row in here])
     _print_places(here)
+    if get:
+        print("\nKnown, not here; bring it with: gesture models get NAME")
+        print_table(("name", "what it is", "licence"), [row[:-1] for row in get])
+        _print_places(get)
     if more:
         print("\nKnown, not here; bring the file with: gesture models add FILE")
         print_table(("name", "what it is", "licence"), [row[:-1] for row in more])
@@ -67,6 +79,43 @@ def _print_places(rows: list[tuple[str, ...]]) -> None:
 
 
 app.command(list_models, name="list")
+
+
+@app.command
+def get(*names: Annotated[str, Parameter(required=True)], replace: Annotated[bool, UNSAID] = False) -> int:
+    """Fetch known pose networks by name, from the package index of pip or by https, checked by their hashes.
+
+    Parameters
+    ----------
+    names
+        As 'gesture models' lists them: blazepose, rtmpose-s.
+    replace
+        Fetch what is here once more.
+    """
+    from gesture_core.files import printable
+    from gesture_core.pose.downloads import get_model
+
+    for name in names:
+        with _bar() as on_bytes:
+            found = get_model(name, replace=replace, on_bytes=on_bytes)
+        for card in found:
+            facts = "  ".join(part for part in (*_facts(card), card.licence) if part)
+            print(f"{card.name}: {printable(card.path)}\nsha256 {card.sha256}\n{facts}")
+        if found[0].contract:
+            print(f"use it with: --model {name}")
+    return 0
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[int], None]]:
+    """Takes numbers of bytes that have arrived, and shows them in a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TransferSpeedColumn
+
+    columns = ("downloading", BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
+        task = bar.add_task("", total=None, visible=False)
+        yield lambda count: bar.update(task, advance=count, visible=True)
 
 
 @app.command
@@ -93,7 +142,7 @@ def add(
     Parameters
     ----------
     source
-        An .onnx, .pb or .caffemodel file, or its address. An address needs --sha256.
+        An .onnx, .tflite, .pb or .caffemodel file, or its address. An address needs --sha256.
     name
         By default that of the known network with this hash, or the file's own.
     sha256
@@ -103,7 +152,8 @@ def add(
     replace
         Replace the model of this name.
     """
-    from gesture_core.pose.model_store import add_model, downloaded
+    from gesture_core.pose.downloads import downloaded
+    from gesture_core.pose.model_store import add_model
 
     options: dict[str, Any] = {
         "contract": dict(map(_fact, contract)),
@@ -112,18 +162,12 @@ def add(
         "replace": replace,
     }
     if "://" in source:
-        from rich.console import Console
-        from rich.progress import BarColumn, DownloadColumn, Progress, TransferSpeedColumn
-
-        columns = ("downloading", BarColumn(), DownloadColumn(), TransferSpeedColumn())
-        with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
-            task = bar.add_task("", total=None)
-            with downloaded(source, sha256, on_bytes=lambda count: bar.advance(task, count)) as path:
-                card = add_model(path, name, origin=source, **options)
+        with _bar() as on_bytes, downloaded(source, sha256, on_bytes=on_bytes) as path:
+            card = add_model(path, name, origin=source, **options)
     else:
         card = add_model(Path(source).expanduser(), name, **options)
     print(f"added {card.name}: {card.path}\nsha256 {card.sha256}")
-    print("  ".join(part for part in (*_facts(card.contract), card.licence) if part))
+    print("  ".join(part for part in (*_facts(card), card.licence) if part))
     print(f"use it with: --model {card.name}")
     return 0
 
@@ -140,12 +184,15 @@ def verify() -> int:
     return 3 if any(trouble for _, _, trouble in found) else 0
 
 
-def _facts(contract: Any) -> tuple[str, str]:
+def _facts(model: ModelFile) -> tuple[str, str]:
     """Output and input of a network, in words."""
-    if contract is None:
-        return "seen at the first run", ""
-    size = "x".join(map(str, reversed(contract.input_size))) if contract.input_size else "any size"
-    return f"{contract.layout} {contract.skeleton}", f"{size} {contract.colour}"
+    from gesture_core.pose.models import known_by_hash
+
+    found = model.contract
+    if found is None:
+        return "not used by this version" if known_by_hash(model.sha256) else "seen at the first run", ""
+    size = "x".join(map(str, reversed(found.input_size))) if found.input_size else "any size"
+    return f"{found.layout} {found.skeleton}", f"{size} {found.colour}"
 
 
 def _fact(text: str) -> tuple[str, Any]:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _ROWS_SHOWN = 60
 _REASONS_SHOWN = 20
+_NOTES_SHOWN = 8
 _WORST = ("error", "degraded", "rejected", "skipped", "ok")
 _STYLES = {"ok": "green", "degraded": "yellow", "rejected": "yellow", "skipped": "dim", "error": "red"}
 
@@ -158,7 +159,8 @@ def row_table(rows: Sequence[Row], *, classified: bool = True) -> None:
     if classified:
         columns, right = ["input", "label", "distance", "margin", "nearest example", "status"], [2, 3]
     else:
-        columns, right = ["input", "frames", "with a pose", "seconds", "status"], [1, 2, 3]
+        columns = ["input", "frames", "looked at", "with a pose", "seconds", "status"]
+        right = [1, 2, 3, 4]
     base = _common_folder([row.input for row in rows])
     clips: dict[str, set[str]] = {}
     for row in rows:
@@ -172,7 +174,8 @@ def row_table(rows: Sequence[Row], *, classified: bool = True) -> None:
             numbers = ["" if value is None else f"{value:.3f}" for value in (row.distance, row.margin)]
             cells.append([name, row.label or "-", *numbers, _nearest(row, clips), status])
         else:
-            frames = [str(row.frames_read), str(row.frames_with_pose), f"{row.seconds:.1f}"]
+            counts = (row.frames_read, row.frames_looked_at, row.frames_with_pose)
+            frames = [*map(str, counts), f"{row.seconds:.1f}"]
             cells.append([name, *frames, status])
     print_table(columns, cells, right=[columns[i] for i in right])
 
@@ -202,9 +205,18 @@ def _common_folder(names: Sequence[str]) -> str:
 
 
 def say_assumed(assumed: Mapping[str, int]) -> None:
-    """What keypoint files do not say and was assumed, and of how many, on standard error."""
+    """What files do not say and was assumed, and of how many, on standard error."""
     for what, files in sorted(assumed.items()):
-        say(f"assumed for {counted(files, 'keypoint file')}: {what}")
+        say(f"assumed for {counted(files, 'file')}: {what}")
+
+
+def say_notes(notes: Mapping[str, int]) -> None:
+    """What is worth knowing of files, and of how many, the most frequent first, on standard error."""
+    ordered = sorted(notes.items(), key=lambda pair: (-pair[1], pair[0]))
+    for what, files in ordered[:_NOTES_SHOWN]:
+        say(f"{counted(files, 'file')}: {what}")
+    if ordered[_NOTES_SHOWN:]:
+        say(f"… and {counted(len(ordered) - _NOTES_SHOWN, 'more note')} in the column 'note'")
 
 
 def check_file(

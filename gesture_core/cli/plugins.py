@@ -117,6 +117,7 @@ def _make(found: Registry, entry: Registration) -> None:
     GestureError, OSError
         Whatever is wrong with it, such as a pose backend that takes no ``model``.
     """
+    from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.models import find_model
 
     target, kind = found.load(entry.kind, entry.name), KINDS[entry.kind]
@@ -128,7 +129,7 @@ def _make(found: Registry, entry: Registration) -> None:
         signature.bind(**dict.fromkeys(kind.given))
     except TypeError:  # an option without a default is for the user to give
         return
-    settings = load_settings()
+    settings = choose_pose(load_settings())
     values: dict[str, Any] = {}
     if "model" in kind.given:
         values["model"] = find_model(settings.pose.model)
@@ -151,7 +152,7 @@ def _show(found: Registry, name: str) -> None:
         target = found.load(kind, name)
         print(f"{entry.title} of {entry.origin}: {entry.summary}\n{entry.target}\n")
         print(documentation(target), end="\n\n")
-        options = options_of(target, KINDS[kind].given)
+        options = options_of(target, KINDS[kind].filled)
         if not options:
             continue
         columns, rows = ["option", "default"], [[f"{name}.{option}", value] for option, value in options]

@@ -67,6 +67,9 @@ class Events(Listener):
             self._stage = name
             self._staged()
 
+    def network(self, text: str) -> None:
+        say_event("pose", network=text)
+
     def frames(self, name: str, count: int) -> None:
         self._frames += count
         self._changed()
@@ -158,6 +161,9 @@ class Bar(Events):
     def shown(self) -> Task:
         """The bar as it stands."""
         return self._bar.tasks[0]
+
+    def network(self, text: str) -> None:
+        self._bar.console.print(f"pose: {text}", markup=False, highlight=False)
 
     def _plan(self, **counts: int | str) -> None:
         if self._total:

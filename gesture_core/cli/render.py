@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,9 +23,12 @@ def render(
     out: Path | None = None,
     flags: PoseFlags | None = None,
     people: str | None = None,
+    run: Annotated[Path | None, UNSAID] = None,
     overwrite: Annotated[bool, UNSAID] = False,
 ) -> int:
     """Draw the keypoints that the network sees over a video: right side orange, left side blue.
+
+    Above each person stand their number, with --run label and distance, and the time.
 
     Parameters
     ----------
@@ -35,14 +39,18 @@ def render(
         <video>-pose.mp4 by default.
     people
         single, or multi: who is lost for a while comes back as another person. As pose.people by default.
+    run
+        A run folder in which the video was classified: its labels, and its settings unless there are flags.
     overwrite
         Replace a file that is there.
     """
     from gesture_core.plugin.interfaces import VideoLimits
-    from gesture_core.report.overlay import around, can_write_video, overlay, write_strip, write_video
+    from gesture_core.report.overlay import can_write_video, cropped, overlay, write_strip, write_video
     from gesture_core.video import open_video
 
-    settings = (flags or PoseFlags()).settings()
+    labels, settings = _labels(video, run) if run else ({}, None)
+    if settings is None or flags not in (None, PoseFlags()):
+        settings = (flags or PoseFlags()).settings()
     if people is not None:
         settings = settings.with_values([("pose.people", people)], "--people")
     target = out or Path(f"{video.stem}-pose{'.mp4' if can_write_video() else '.png'}")
@@ -58,11 +66,12 @@ def render(
     # The video is decoded twice, so that it never has to be held in memory.
     limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
     with open_video(video, settings.pose.reader, limits, settings.options) as frames:
-        drawn = overlay(frames, found)
+        tags = [f"{person.person} {labels.get(person.person, '')}".strip() for person in found]
+        drawn = overlay(frames, found, tags if labels or len(found) > 1 else ())
         if target.suffix.lower() == ".mp4":
             count = write_video(drawn, target)
         else:
-            count = write_strip(drawn, target, box=around(found))
+            count = write_strip(cropped(drawn, found), target)
     longest = max(sequence.frames_with_pose for sequence in found)
     who = (
         f"1 person, in {longest} of them"
@@ -71,6 +80,29 @@ def render(
     )
     print(f"{printable(target)}: {counted(count, 'frame')}, {who}")
     return 0
+
+
+def _labels(video: Path, run: Path) -> tuple[dict[int, str], Settings]:
+    """Label and distance of each person of a video in a run, or the code, and the settings of the run."""
+    from gesture_core.files import content_sha256
+    from gesture_core.run.results import open_results
+    from gesture_core.settings import settings_from_dict
+
+    with open_results(run) as results:
+        rows, configuration = list(results.rows()), json.loads(results.get("configuration") or "{}")
+    sha256 = content_sha256(video)
+    labels = {
+        row.person: f"{row.label or row.code} {'' if row.distance is None else format(row.distance, '.2f')}"
+        for row in rows
+        if row.sha256 == sha256
+    }
+    if not labels:
+        raise InputError(
+            f"is not in the run {run}", subject=str(video), remedy="a video of that run", code="E_NOT_FOUND"
+        )
+    return {person: text.strip() for person, text in labels.items()}, settings_from_dict(
+        configuration["settings"]
+    )
 
 
 def _people(video: Path, settings: Settings) -> list[PoseSequence]:

@@ -61,7 +61,9 @@ def every_setting(settings: Settings) -> Iterator[Setting]:
     """All sections, and the options of the plugins that ``settings`` choose."""
     for section in SECTIONS:
         yield from _section(section, settings)
-    for name in dict.fromkeys([settings.pose.backend, *(name for _, name in settings.plugins())]):
+    backend = settings.pose.backend
+    backends = registry().names("pose", usable=True) if backend == "auto" else (backend,)
+    for name in dict.fromkeys([*backends, *(name for _, name in settings.plugins())]):
         yield from _plugin(name, settings)
 
 
@@ -101,7 +103,7 @@ def _plugin(name: str, settings: Settings) -> Iterator[Setting]:
         if plugin == base:
             target = registry().load(kind, base)
             entries = _entries(documentation(target), "Parameters")
-            for option, default in options_of(target, KINDS[kind].given):
+            for option, default in options_of(target, KINDS[kind].filled):
                 type_, meaning = entries.get(option, ("", ""))
                 value = written(given[option]) if option in given else default
                 yield Setting(f"{name}.{option}", type_, default, value, meaning)

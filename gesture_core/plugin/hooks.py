@@ -46,7 +46,8 @@ class Register(Protocol):
             One line for `gesture plugins`.
         suffixes : sequence of str
             Of a keypoint reader: what the names of its files end in, such as ``.csv``; without any, it is
-            asked about every file that is no video.
+            asked about every file that is no video. Of a pose backend: the networks that it reads, such as
+            ``.onnx``; without any, ``pose.backend = "auto"`` never takes it.
         folders : bool
             Of a keypoint reader: a folder of files may be one input.
         """

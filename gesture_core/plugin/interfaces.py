@@ -25,13 +25,20 @@ if TYPE_CHECKING:
 class Kind:
     """A kind of plugin: its name in the registry, its hook, and its name in sentences.
 
-    ``given`` are parameters that the program fills in, so that they are no options.
+    ``given`` are parameters that the program fills in, so that they are no options; ``offered`` are
+    those that it fills in where a class takes them.
     """
 
     name: str
     hook: str
     title: str
     given: tuple[str, ...] = ()
+    offered: tuple[str, ...] = ()
+
+    @property
+    def filled(self) -> tuple[str, ...]:
+        """Parameters that are no options."""
+        return self.given + self.offered
 
 
 KINDS: Mapping[str, Kind] = {
@@ -39,7 +46,7 @@ KINDS: Mapping[str, Kind] = {
     for kind in (
         Kind("video", "register_video_readers", "video reader"),
         Kind("pose", "register_pose_backends", "pose backend", ("model",)),
-        Kind("reader", "register_keypoint_readers", "keypoint reader"),
+        Kind("reader", "register_keypoint_readers", "keypoint reader", (), ("options", "people")),
         Kind("normalizer", "register_normalizers", "normalizer"),
         Kind("filter", "register_filters", "filter"),
         Kind("selector", "register_selectors", "dimension selector"),
@@ -124,7 +131,7 @@ class VideoReport:
     frames_declared : int or None
         As in `VideoInfo`.
     frames_read : int
-        Frames that were handed out.
+        Frames that were decoded, whether anybody looked at them or not.
     damaged : int
         Corrupt packets and frames, decoding errors, and frames that are known to be lost.
     complete : bool
@@ -168,6 +175,23 @@ class Video(Protocol):
 
 
 @runtime_checkable
+class LazyFrames(Protocol):
+    """Frames that are converted when they are asked for: what a `Video` may offer besides its iteration.
+
+    Where only some frames are looked at (``pose.rate``), the others are decoded and counted all the same,
+    and cost nothing more.
+    """
+
+    def pictures(self) -> Iterator[tuple[float, Callable[[], np.ndarray | None]]]:
+        """Yield ``(seconds, convert)`` instead of iterating: ``convert()`` is the frame that iteration gives.
+
+        It is None where the frame cannot be converted, which the report counts as damage. To be called
+        before the next frame is asked for.
+        """
+        ...
+
+
+@runtime_checkable
 class VideoReader(Protocol):
     """Opens videos. Where what it needs is absent or too old, its construction raises a
     MissingDependencyError; ``pose.reader = auto`` then takes the next reader.
@@ -201,11 +225,21 @@ class Person:
         x, y and score of all places where each joint may be, the highest first; NaN, NaN, 0 beyond the
         last. The first need not be a keypoint: it may be too low to count by itself. With them the choice
         over time (`gesture_core.pose.temporal`) may take another place than the best of one frame.
+    presence : float
+        Probability in 0..1 that this is a person at all.
+    region : (2, 2) float array, optional
+        Of a network that sees regions (`RegionFollowing`): the middle of the body, and the point above the
+        head of the circle around it that all of the body can reach.
+    others : int
+        How many more people the network saw in the picture, where only this one was asked for.
     """
 
     keypoints: np.ndarray
     scores: np.ndarray
     peaks: np.ndarray | None = None
+    presence: float = 1.0
+    region: np.ndarray | None = None
+    others: int = 0
 
 
 @runtime_checkable
@@ -217,7 +251,8 @@ class PoseBackend(Protocol):
     taken: ``threads`` (of the runtime, 0 for its own choice), and, where the user sets them in [pose],
     ``height`` (of the input, in pixels) and ``score`` (below which a joint is missing).
 
-    More abilities are optional: `CropFollowing`, `TemporalChoice`, `Traceable`, and `Person.peaks`.
+    More abilities are optional: `CropFollowing`, `RegionFollowing`, `DeviceChoice`, `TemporalChoice`,
+    `Traceable`, and `Person.peaks`.
     `gesture_core.pose.network.NetworkBackend` is a base class that has them all.
     """
 
@@ -245,6 +280,37 @@ class CropFollowing(Protocol):
 
 
 @runtime_checkable
+class RegionFollowing(PoseBackend, Protocol):
+    """A pose backend whose network was made for one person, upright in a square of their own.
+
+    It is given such squares where people are followed (`gesture_core.pose.region`).
+    """
+
+    @property
+    def region(self) -> int:
+        """Pixels of a side of the square; 0 where the network is none of these."""
+        ...
+
+    @property
+    def finder(self) -> PoseBackend:
+        """What finds the person where nobody has been followed so far."""
+        ...
+
+
+@runtime_checkable
+class DeviceChoice(Protocol):
+    """A pose backend that runs on several devices, one of which its option ``device`` takes."""
+
+    @classmethod
+    def devices(cls) -> Mapping[str, Sequence[str]]:
+        """The setting in [pose] that chooses, ``provider`` or ``target``, and what there is on this machine.
+
+        The first one is what ``auto`` stands for.
+        """
+        ...
+
+
+@runtime_checkable
 class TemporalChoice(Protocol):
     """A pose backend with an option ``steady``; without it, limbs are chosen over time by default."""
 
@@ -264,9 +330,16 @@ class Traceable(Protocol):
 class KeypointReader(Protocol):
     """Reads ready-made keypoint files.
 
-    A reader whose options include ``fps`` or ``people`` is given those of the section [pose]. What a
-    file does not say and the reader assumes, such as the frames a second, is named in
-    ``PoseSequence.provenance["assumed"]``; the end of a run says for how many files.
+    A reader whose constructor takes ``options`` (a `gesture_core.plugin.reading.ReadOptions`) is given what
+    the user says of files that leave it open: axes, unit, frame size, order of the joints, rate. One that
+    takes ``people`` is given ``pose.people``. A reader of files that say everything themselves needs neither.
+
+    What is assumed of a file that leaves it open is named in ``PoseSequence.provenance["assumed"]``, which
+    `ReadOptions.assumed` writes; what of a file is not used, or was put right, in ``provenance["notes"]``,
+    clauses separated by ``"; "``. Both stand in the row, and the end of a run says of how many files.
+    ``provenance["unit"]`` is ``metres`` where coordinates are no pixels.
+    Frames that cannot be read count as frames without people, and ``provenance["lost"]`` says how many they
+    are and why: the row is degraded.
     """
 
     def accepts(self, path: Path) -> bool:
@@ -282,6 +355,18 @@ class KeypointReader(Protocol):
 
     def read(self, path: Path, member: str = "") -> list[PoseSequence]:
         """One sequence for each person in ``member`` of ``path``; a KeypointError says what is wrong."""
+        ...
+
+
+@runtime_checkable
+class ExplainsRefusal(Protocol):
+    """A keypoint reader that says of a file with one of its suffixes why it does not take it."""
+
+    def refusal(self, path: Path) -> str:
+        """Why `KeypointReader.accepts` is false for ``path``, quoting what it begins with.
+
+        Empty where the file is nothing like its own, so that another reader's reason is the better one.
+        """
         ...
 
 

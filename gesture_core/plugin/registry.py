@@ -243,7 +243,7 @@ class Registry:
         known = _parameters(self.load(kind, name))
         return known is None or option in known
 
-    def make(self, kind: str, name: str, options: Mapping[str, Any] | None = None, **fixed: Any) -> Any:
+    def make(self, kind: str, name: str, options: Mapping[str, Any] | None = None, /, **fixed: Any) -> Any:
         """Construct a plugin with ``options`` as keyword arguments.
 
         Raises
@@ -286,6 +286,7 @@ def _refuse_unknown(entry: Registration, factory: Any, options: Mapping[str, Any
     known = _parameters(factory)
     if known is None:
         return
+    known = [name for name in known if name not in KINDS[entry.kind].filled]
     for option in options:
         if option not in known:
             near = difflib.get_close_matches(option, known, 1)

@@ -14,8 +14,13 @@ from typing import Any
 from gesture_core.errors import ModelError
 from gesture_core.skeletons import SKELETONS
 
-LAYOUTS = ("openpose", "movenet", "simcc", "yolo-pose")
+LAYOUTS = ("openpose", "movenet", "simcc", "yolo-pose", "blazepose")
 """Forms of output that there are decoders for (`gesture_core.pose.decode`)."""
+
+_JOINTS = {"movenet": "coco17", "yolo-pose": "coco17", "blazepose": "blazepose33"}
+"""Skeletons of layouts that have only one."""
+BLAZEPOSE = 39 * 5
+"""Values of BlazePose's landmarks: 33 of the body and 6 more, each x, y, z, visibility and presence."""
 
 Shape = Sequence[int | None]
 
@@ -66,6 +71,12 @@ class ModelContract:
         Side of that crop over the reach of the body (raised hand to foot), as suits the network best.
     score : float
         Confidence below which a joint is missing, unless the user sets another.
+    steady : bool
+        Whether limbs are better chosen for all frames together, unless the user says otherwise.
+    presence : three floats, or empty
+        Of a network that does not say itself whether anybody is there: the weights of a logistic regression
+        on 1, the confidence in the upper body (`gesture_core.pose.follow.Anatomy`), and the share of the
+        joints that are found. Empty: the network says so, or everything that it finds counts.
     licence, attribution : str
         Of the weights.
 
@@ -91,6 +102,8 @@ class ModelContract:
     follow: bool = False
     crop: float = 1.1
     score: float = 0.1
+    steady: bool = True
+    presence: tuple[float, ...] = ()
     licence: str = ""
     attribution: str = ""
 
@@ -102,6 +115,7 @@ class ModelContract:
             ("dtype", self.dtype, ("float32", "uint8", "int32")),
             ("channels_first", self.channels_first, (True, False)),
             ("follow", self.follow, (True, False)),
+            ("steady", self.steady, (True, False)),
         ):
             if value not in choices:
                 raise ModelError(
@@ -116,6 +130,9 @@ class ModelContract:
         if self.input_size is not None:
             _numbers("input_size", self.input_size, int, 1, 4096, 2)
             object.__setattr__(self, "input_size", tuple(self.input_size))
+        if len(self.presence):
+            _numbers("presence", self.presence, float, -1e3, 1e3, 3)
+        object.__setattr__(self, "presence", tuple(map(float, self.presence)))
         _numbers("pad", [self.pad], int, 0, 255)
         _numbers("multiple", [self.multiple], int, 1, 4096)
         _numbers("default_size", [self.default_size], int, 1, 4096)
@@ -123,8 +140,9 @@ class ModelContract:
         _numbers("batch", [1 if self.batch is None else self.batch], int, 1, 4096)
         _numbers("crop", [self.crop], float, 0.5, 4)
         _numbers("score", [self.score], float, 0, 1)
-        if self.layout in ("movenet", "yolo-pose") and self.skeleton != "coco17":
-            raise ModelError(f"layout {self.layout} has the skeleton coco17", code="E_MODEL_CONTRACT")
+        joints = _JOINTS.get(self.layout, self.skeleton)
+        if self.skeleton != joints:
+            raise ModelError(f"layout {self.layout} has the skeleton {joints}", code="E_MODEL_CONTRACT")
         if self.dtype != "float32" and (any(self.mean) or self.scale != (1.0, 1.0, 1.0)):
             raise ModelError(
                 f"an input of {self.dtype} holds whole pixels, so that mean and scale do not apply",
@@ -214,6 +232,11 @@ def infer_contract(inputs: Sequence[Tensor], outputs: Sequence[Shape], subject: 
         found = ModelContract(
             "yolo-pose", "coco17", "rgb", scale=scale, pad=114, multiple=32, default_size=480
         )
+    elif any(tuple(shape[1:]) == (BLAZEPOSE,) for shape in outputs):
+        scale = (1 / 255, 1 / 255, 1 / 255)
+        found = ModelContract(
+            "blazepose", "blazepose33", "rgb", scale=scale, pad=0, follow=True, score=0, steady=False, batch=1
+        )
     elif maps:
         cells = maps[-1][2]
         stride = round(size[0] / cells) if size and cells else 8
@@ -225,8 +248,8 @@ def infer_contract(inputs: Sequence[Tensor], outputs: Sequence[Shape], subject: 
             f"outputs of shape {_shown(outputs)} are of no known layout",
             subject=subject,
             remedy="a network that gives heat maps with 57, 19 or 18 (COCO), 78, 26 or 25 (BODY_25) or 44, "
-            "16 or 15 (MPI) channels, (1, 1, 17, 3) as MoveNet, a SimCC pair (N, 17, W) and (N, 17, H), or "
-            "(N, 56, M) as YOLO-pose",
+            "16 or 15 (MPI) channels, (1, 1, 17, 3) as MoveNet, a SimCC pair (N, 17, W) and (N, 17, H), "
+            "(N, 56, M) as YOLO-pose, or (1, 195) as BlazePose",
             code="E_MODEL_LAYOUT",
         )
     if image.dtype != "float32":  # whole pixels: the network scales them itself

@@ -12,10 +12,12 @@ import numpy as np
 
 from gesture_core.errors import PoseError
 from gesture_core.plugin.interfaces import Person
-from gesture_core.pose.contract import ModelContract, split_openpose
+from gesture_core.pose.contract import BLAZEPOSE, ModelContract, split_openpose
 from gesture_core.pose.heatmaps import LEAST_SCORE, LIMBS, assemble, top_peaks
 from gesture_core.skeletons import skeleton
 
+CERTAIN = 0.4
+"""Score from which a joint or a box is certainly somebody's."""
 PEAKS = 3
 """Of a heat map that are handed on: the third is the joint in 1 % of frames, further ones hardly ever."""
 
@@ -53,6 +55,8 @@ def decode(
         return _yolo_pose(arrays[0], people)
     if people != "single":
         raise _cannot_tell_apart(f"{contract.layout} finds one person in a picture")
+    if contract.layout == "blazepose":
+        return _blazepose(arrays)
     return _movenet(arrays[0], input_size) if contract.layout == "movenet" else _simcc(arrays, input_size)
 
 
@@ -68,18 +72,30 @@ def _openpose(
     maps = outputs[at][:, :joints]
     # A cell covers `step` input pixels; cell and pixel coordinates both count from a centre.
     step = np.array([input_size[1] / maps.shape[3], input_size[0] / maps.shape[2]], np.float32)
+    fields = outputs[apart] if apart is not None else outputs[at][:, joints + 1 :]
+    several = fields.shape[1] == 2 * len(LIMBS[contract.skeleton])
     if people == "single":
         # Half as high as a joint must be: such a peak may still be chosen over time (`temporal`).
         peaks = top_peaks(maps, PEAKS, 0.5 * floor)
         peaks[..., :2] = (peaks[..., :2] + 0.5) * step - 0.5
-        return [[Person(one[:, 0, :2], one[:, 0, 2], one)] for one in peaks]
-    fields = outputs[apart] if apart is not None else outputs[at][:, joints + 1 :]
-    if fields.shape[1] != 2 * len(LIMBS[contract.skeleton]):
+        own = next((out.reshape(-1) for out in outputs if out.ndim <= 2 and out.size == len(maps)), None)
+        presence = np.ones(len(maps)) if own is None else np.clip(own, 0, 1)
+        return [
+            [Person(one[:, 0, :2], one[:, 0, 2], one, float(there), others=_others(one) if several else 0)]
+            for one, there in zip(peaks, presence, strict=True)
+        ]
+    if not several:
         raise _cannot_tell_apart("it has no part-affinity fields")
     return [
         [Person((points + 0.5) * step - 0.5, scores) for points, scores in picture]
         for picture in assemble(maps, fields, contract.skeleton, floor)
     ]
+
+
+def _others(peaks: np.ndarray) -> int:
+    """How many more people peaks (J, K, 3) are of: each shows most of the joints that the first one shows."""
+    certain = (peaks[..., 2] >= CERTAIN).sum(axis=0)
+    return int((certain[1:] > 0.5 * max(certain[0], 4)).sum())
 
 
 def _movenet(output: np.ndarray, input_size: tuple[int, int]) -> list[list[Person]]:
@@ -108,12 +124,36 @@ def _yolo_pose(output: np.ndarray, people: str) -> list[list[Person]]:
     for rows in output.transpose(0, 2, 1) if output.shape[1] == 56 else output:
         rows = rows[rows[:, 4] >= LEAST_SCORE]
         kept: list[np.ndarray] = []
-        for row in rows[np.argsort(-rows[:, 4], kind="stable")][: 1 if people == "single" else None]:
+        for row in rows[np.argsort(-rows[:, 4], kind="stable")]:
             if all(_overlap(row, other) < 0.65 for other in kept):
                 kept.append(row)
-        joints = [row[5:].reshape(17, 3) for row in kept]
-        found.append([Person(one[:, :2] - 0.5, np.clip(one[:, 2], 0, 1)) for one in joints])
+        others = 0
+        if people == "single":
+            others, kept = sum(bool(row[4] >= CERTAIN) for row in kept[1:]), kept[:1]
+        picture = []
+        for row in kept:
+            one = row[5:].reshape(17, 3)
+            # Its users take boxes from a score of 0.25 on.
+            presence = min(2 * float(row[4]), 1.0)
+            picture.append(
+                Person(one[:, :2] - 0.5, np.clip(one[:, 2], 0, 1), presence=presence, others=others)
+            )
+        found.append(picture)
     return found
+
+
+def _blazepose(outputs: list[np.ndarray]) -> list[list[Person]]:
+    """39 times x, y, z in pixels, visibility and presence as logits; and whether a person is there
+    (Bazarevsky et al. 2020, BlazePose)."""
+    from scipy.special import expit
+
+    (landmarks,) = (out.reshape(-1, 39, 5) for out in outputs if out[0].size == BLAZEPOSE)
+    (there,) = (out.reshape(-1) for out in outputs if out[0].size == 1)
+    return [
+        [Person(points[:33], expit(one[:33, 3]), None, float(presence), points[33:35])]
+        for one, presence in zip(landmarks, there, strict=True)
+        for points in [one[:, :2] - 0.5]
+    ]
 
 
 def _overlap(one: np.ndarray, two: np.ndarray) -> float:

@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import CropFollowing, Person, PoseBackend, TemporalChoice, Traceable
+from gesture_core.plugin.interfaces import (
+    CropFollowing,
+    Person,
+    PoseBackend,
+    RegionFollowing,
+    TemporalChoice,
+    Traceable,
+)
 from gesture_core.pose.follow import Follower
+from gesture_core.pose.region import RegionFollower
 from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
@@ -19,7 +27,7 @@ if TYPE_CHECKING:
     from gesture_core.settings import Settings
 
 Frame = tuple[float, np.ndarray]
-REVISION = 2
+REVISION = 3
 """Goes up when the same network gives other keypoints than before: stored ones are then not used again."""
 
 
@@ -38,10 +46,13 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
         From the plugin registry, from `find_model`, or from loading the network.
     """
     from gesture_core.plugin import registry
+    from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.models import find_model
 
+    settings = choose_pose(settings)
     pose, plugins = settings.pose, registry()
-    shared = {"threads": threads, "height": pose.height, "score": pose.score}
+    device = next((one for one in (pose.provider, pose.target) if one != "auto"), None)
+    shared = {"threads": threads, "height": pose.height, "score": pose.score, "device": device}
     options = {
         key: value
         for key, value in shared.items()
@@ -96,9 +107,15 @@ def extract_poses(
         follow = isinstance(backend, CropFollowing) and backend.follow
     if steady is None:
         steady = backend.steady if isinstance(backend, TemporalChoice) else True
-    follower = Follower(backend) if follow and people == "single" else None
+    follower: Follower | RegionFollower | None = None
+    if follow and people == "single":
+        if isinstance(backend, RegionFollowing) and backend.region:
+            follower = RegionFollower(backend)
+        else:
+            follower = Follower(backend)
     choice = JointChoice(body) if steady and people == "single" else None
     tracker = Tracker(joints) if people == "multi" else None
+    others = 0
     size: tuple[int, int] | None = None
     times: list[float] = []
     points: list[np.ndarray] = []
@@ -119,6 +136,7 @@ def extract_poses(
                     tracker.add(everybody)
                 continue
             best = [everybody[0] if everybody else None for everybody in found]
+        others += sum(1 for person in best if person and person.others)
         for person in best:
             points.append(person.keypoints if person else np.full((joints, 2), np.nan))
             scores.append(person.scores if person else np.zeros(joints))
@@ -130,6 +148,8 @@ def extract_poses(
         "steady": str(choice is not None),
         **(backend.provenance if isinstance(backend, Traceable) else {}),
     }
+    if others:
+        provenance["others"] = str(others)
     at = np.array(times, np.float64)
     if tracker:
         return [

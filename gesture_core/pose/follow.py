@@ -12,7 +12,7 @@ moves little, and stays the same for a batch.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -95,7 +95,7 @@ class Window:
         """A person found in `view`, in pixels of the frame."""
         offset = np.array((self.left, self.top, 0), np.float32)
         peaks = None if person.peaks is None else person.peaks + offset
-        return Person(person.keypoints + offset[:2], person.scores, peaks)
+        return replace(person, keypoints=person.keypoints + offset[:2], peaks=peaks)
 
 
 class Anatomy:
@@ -185,6 +185,11 @@ class Follower:
             self._since_search += end
             self._window = self._moved(self._window, people[:end], frames[0])
         return found
+
+    def search(self, frame: np.ndarray) -> Body | None:
+        """The best body in a picture of its own, None where nobody is found."""
+        self._window = None
+        return self.anatomy.body(self._look([frame], self._search(frame))[0])
 
     def _look(self, frames: Sequence[np.ndarray], window: Window) -> list[Person | None]:
         found = self.backend.estimate([window.view(frame) for frame in frames])

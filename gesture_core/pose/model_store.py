@@ -1,7 +1,6 @@
-"""Takes pose networks into the user's folder, from a file or an address, and checks that they are still
-what they were.
+"""Takes pose networks into the user's folder, and checks that they are still what they were.
 
-A download is asked for by name, needs the hash that its publisher states, and never happens offline.
+`gesture_core.pose.downloads` brings those that are not on this machine.
 """
 
 from __future__ import annotations
@@ -12,19 +11,16 @@ import re
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO
-from urllib.parse import urlsplit
+from typing import Any
 
 from gesture_core.errors import ModelError
-from gesture_core.files import models_dir, offline, replacing
+from gesture_core.files import models_dir, replacing
 from gesture_core.pose.contract import ModelContract
 from gesture_core.pose.models import (
     CARD,
-    MAX_BYTES,
-    SUFFIXES,
     ModelFile,
     added_names,
     check_name,
@@ -170,95 +166,3 @@ def check_hash(actual: str, wanted: str, subject: str) -> None:
             remedy="get the file again from its source",
             code="E_MODEL_HASH",
         )
-
-
-@contextmanager
-def downloaded(
-    url: str, sha256: str, *, limit: int = MAX_BYTES, on_bytes: Callable[[int], None] = lambda count: None
-) -> Iterator[Path]:
-    """The file at ``url`` in a folder of its own, which is removed at the end, whatever happens.
-
-    ``on_bytes`` is called with the number of further bytes that have arrived. What gets a network by its
-    name (`KnownModel.url`, or a file inside an archive) begins here, and ends with `add_model`.
-
-    Raises
-    ------
-    ModelError
-        ``E_OFFLINE`` where downloads are switched off, ``E_MODEL_URL`` for an address that cannot be
-        used or fetched, ``E_MODEL_HASH`` without a hash or with another one, ``E_MODEL_SIZE`` past
-        ``limit`` bytes.
-    """
-    parts = urlsplit(url)
-    name = Path(parts.path).name
-    if parts.scheme not in ("http", "https") or not name.lower().endswith(SUFFIXES):
-        raise ModelError(
-            "not the address of a model file",
-            subject=url,
-            remedy=f"https://…, ending in {', '.join(SUFFIXES)}",
-            code="E_MODEL_URL",
-        )
-    if not sha256:
-        raise ModelError(
-            "a download needs the hash that its publisher states",
-            subject=url,
-            remedy="--sha256 HASH",
-            code="E_OPTION",
-        )
-    check_hash(sha256.lower(), sha256, url)
-    if offline():
-        raise ModelError(
-            "downloads are switched off (GESTURE_OFFLINE)",
-            subject=url,
-            remedy="bring the file: 'gesture models add FILE'",
-            code="E_OFFLINE",
-        )
-    import pooch
-    import requests
-
-    def fetch(address: str, target: str, keeper: Any) -> None:
-        with Path(target).open("wb") as file:
-            bounded = _Bounded(file, limit, url, on_bytes)
-            pooch.HTTPDownloader(timeout=30)(address, bounded, keeper)
-
-    pooch.get_logger().setLevel("WARNING")  # its log names a temporary file, which tells the user nothing
-    with tempfile.TemporaryDirectory(prefix="gesture-model-") as folder:
-        try:
-            path = pooch.retrieve(url, f"sha256:{sha256.lower()}", fname=name, path=folder, downloader=fetch)
-        except (requests.RequestException, OSError) as error:
-            raise ModelError(
-                f"cannot be fetched: {error}", subject=url, kept="nothing of it", code="E_MODEL_URL"
-            ) from error
-        except ValueError as error:  # pooch: the hash is another
-            raise ModelError(
-                f"the file there does not have the SHA-256 {sha256.lower()}",
-                subject=url,
-                kept="nothing of it",
-                remedy="check the hash with the publisher",
-                code="E_MODEL_HASH",
-            ) from error
-        yield Path(path)
-
-
-class _Bounded:
-    """A file that refuses to grow past a limit: a server may send more than it announced."""
-
-    def __init__(self, file: BinaryIO, limit: int, url: str, on_bytes: Callable[[int], None]) -> None:
-        self._file = file
-        self._left = self._limit = limit
-        self._url = url
-        self._on_bytes = on_bytes
-
-    def write(self, data: bytes) -> int:
-        self._left -= len(data)
-        if self._left < 0:
-            raise ModelError(
-                f"larger than {self._limit >> 20} MiB",
-                subject=self._url,
-                kept="nothing of it",
-                code="E_MODEL_SIZE",
-            )
-        self._on_bytes(len(data))
-        return self._file.write(data)
-
-    def flush(self) -> None:
-        self._file.flush()

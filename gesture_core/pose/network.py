@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -18,9 +19,13 @@ from gesture_core.errors import ModelError, PoseError
 from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.contract import ModelContract, Tensor, infer_contract
 from gesture_core.pose.decode import decode
-from gesture_core.pose.models import ModelFile
+from gesture_core.pose.follow import Anatomy
+from gesture_core.pose.models import FINDER, ModelFile, find_model
 from gesture_core.pose.onnx_header import OnnxHeader, read_header
+from gesture_core.skeletons import skeleton
 
+_REGION = 256
+"""Pixels of a side of BlazePose's input, which no header states."""
 MAX_ASPECT = 3.0
 """A free input is at most this much wider than high; wider pictures are letterboxed into it."""
 
@@ -124,8 +129,13 @@ class NetworkBackend(ABC):
         Frames that run together, where the network takes batches.
     threads : int
         Of the runtime; 0 leaves it to the runtime.
-    steady : bool
-        Whether the limbs of a video are chosen for all frames together (`gesture_core.pose.temporal`).
+    steady : bool, optional
+        Whether the limbs of a video are chosen for all frames together (`gesture_core.pose.temporal`); as the
+        contract says by default.
+    presence : float
+        Least probability that somebody is a person at all.
+    device : str
+        What it runs on, one of `devices`; ``auto`` is the first of them.
 
     Raises
     ------
@@ -145,22 +155,28 @@ class NetworkBackend(ABC):
         score: float | None = None,
         batch_size: int = 8,
         threads: int = 0,
-        steady: bool = True,
+        steady: bool | None = None,
+        presence: float = 0.5,
+        device: str = "auto",
     ) -> None:
         if (
             not 0 <= (score or 0) <= 1
+            or not 0 <= presence <= 1
             or batch_size < 1
             or threads < 0
             or (height is not None and height < 32)
         ):
             raise ValueError(
-                f"score {score}, batch_size {batch_size}, threads {threads}, height {height}: score lies in "
-                "0..1, batch_size is at least 1, threads at least 0, height at least 32"
+                f"score {score}, presence {presence}, batch_size {batch_size}, threads {threads}, "
+                f"height {height}: score and presence lie in 0..1, batch_size is at least 1, threads at "
+                "least 0, height at least 32"
             )
         self.model = model
         self.height = height
         self.threads = threads
-        self.steady = steady
+        self.presence = presence
+        first = next((here[0] for here in self.devices().values()), "cpu")
+        self.device = first if device == "auto" else device
         # The bytes that are checked are the bytes that run: the file is not opened again.
         data = model.read()
         is_onnx = model.path.suffix.lower() == ".onnx"
@@ -168,18 +184,35 @@ class NetworkBackend(ABC):
         self.open(data)
         self.contract = model.contract or self._contract_of_a_run()
         self.follow, self.crop = self.contract.follow, self.contract.crop
+        self.steady = self.contract.steady if steady is None else steady
+        self.region = (
+            (self.contract.input_size or (256, 256))[0] if self.contract.layout == "blazepose" else 0
+        )
         self.score = self.contract.score if score is None else score
         self.batch_size = self.contract.batch or batch_size
         self.skeleton = self.contract.skeleton
+        self._anatomy = Anatomy(skeleton(self.skeleton))
         free = height or self.contract.default_size
         self.provenance = {
             "backend": self.name,
             "runtime": self.runtime,
+            "device": self.device,
             "model": model.name,
             "model_sha256": model.sha256,
             "score": repr(self.score),
+            "presence": repr(presence),
             "height": str(self.contract.input_size[0] if self.contract.input_size else free),
         }
+
+    @cached_property
+    def finder(self) -> NetworkBackend:
+        """The packaged network on the same runtime, for the first region of one that needs a region."""
+        return type(self)(find_model(FINDER), threads=self.threads, presence=0, device=self.device)
+
+    @classmethod
+    def devices(cls) -> Mapping[str, Sequence[str]]:
+        """As `gesture_core.plugin.interfaces.DeviceChoice` says: nothing to choose."""
+        return {}
 
     @abstractmethod
     def open(self, data: bytes) -> None:
@@ -228,7 +261,8 @@ class NetworkBackend(ABC):
         if lacking:
             outputs = [output[: len(frames)] for output in outputs]
         pictures = decode(outputs, self.contract, size, people, max(self.score, 0.05))
-        return [[self._in_frame(person, box, frame_size) for person in picture] for picture in pictures]
+        found = [[self._in_frame(person, box, frame_size) for person in picture] for picture in pictures]
+        return [[person for person in picture if person.presence >= self.presence] for picture in found]
 
     def _in_frame(self, person: Person, box: Letterbox, frame_size: tuple[int, int]) -> Person:
         """A person of the input in pixels of the frame; joints outside it or below the score are missing."""
@@ -239,21 +273,30 @@ class NetworkBackend(ABC):
         least = np.array([self.score] + [0] * (joints.shape[1] - 1), np.float32)
         points, scores = box.back(joints[..., :2]), joints[..., 2]
         size = np.array(frame_size)
-        # A peak in the border that letterboxing added is a joint outside the picture: a guess.
-        slack = 0.02 * max(frame_size)
+        # A peak in the border that letterboxing added is a joint outside the picture: a guess. A network
+        # that sees one region is made to guess where the body goes on.
+        slack = np.inf if self.region else 0.02 * max(frame_size)
         inside = (points > -slack).all(-1) & (points < size + slack).all(-1)
         kept = (scores >= least) & inside
-        clipped = np.clip(points, 0, (size - 1).astype(np.float32))
-        places = np.where(kept[..., None], clipped, np.float32(np.nan))
+        placed = points if self.region else np.clip(points, 0, (size - 1).astype(np.float32))
+        places = np.where(kept[..., None], placed, np.float32(np.nan))
         sure = np.where(kept, scores, np.float32(0))
         found = np.concatenate([places, sure[..., None]], axis=-1)
         peaks = None if person.peaks is None else found[:, 1:]
         # Copies, so that the joints do not keep the peaks in memory.
-        return Person(found[:, 0, :2].copy(), found[:, 0, 2].copy(), peaks)
+        places, sure = found[:, 0, :2].copy(), found[:, 0, 2].copy()
+        region = None if person.region is None else box.back(person.region)
+        person = replace(person, keypoints=places, scores=sure, peaks=peaks, region=region)
+        if self.contract.presence:
+            facts = 1, self._anatomy.confidence(person), float((sure > 0).mean())
+            logit = float(np.dot(self.contract.presence, facts))
+            person = replace(person, presence=1 / (1 + math.exp(-logit)))
+        return person
 
     def _contract_of_a_run(self) -> ModelContract:
         """The contract of a network that no header describes, from one run on a grey picture."""
-        declared = Tensor("input", "float32", (None, 3, 368, 368))
+        side = _REGION if self.model.path.suffix.lower() == ".tflite" else 368
+        declared = Tensor("input", "float32", (None, 3, side, side))
         if self.header is not None and self.header.inputs:
             declared = self.header.inputs[0]
         shape = [1 if i == 0 else (n or 256) for i, n in enumerate(declared.shape)]

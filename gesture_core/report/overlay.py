@@ -19,15 +19,19 @@ from gesture_core.types import PoseSequence
 if TYPE_CHECKING:
     from av.video.stream import VideoStream
 
-_SIDES = {
-    side: (int(colour[5:7], 16), int(colour[3:5], 16), int(colour[1:3], 16))
-    for side, colour in (("right", style.RIGHT), ("left", style.LEFT), ("middle", style.MIDDLE))
-}
-"""Blue, green and red of each side of the body."""
+Colour = tuple[int, int, int]
+"""Blue, green and red."""
+
+
+def _colour(text: str) -> Colour:
+    return int(text[5:7], 16), int(text[3:5], 16), int(text[1:3], 16)
+
+
+_SIDES = {"right": _colour(style.RIGHT), "left": _colour(style.LEFT), "middle": _colour(style.MIDDLE)}
+_PEOPLE = tuple(map(_colour, (style.GREEN, style.VERMILLION, style.PURPLE, style.BLUE, style.GREY)))
+"""One colour for each person, in turn."""
 _CLOCK = 90_000
 """Ticks in a second of the video, so that real time stamps are kept."""
-_ROOM = 0.15
-"""Left free around a person, as a share of their larger side."""
 _SAME = 0.0005
 """Seconds below which two times are one: less than half a frame at the fastest rate that is read."""
 
@@ -64,13 +68,36 @@ def draw_pose(frame: np.ndarray, keypoints: np.ndarray, bones: Skeleton) -> None
             cv2.circle(frame, tuple(spot), thick, side_colour(joint), -1, cv2.LINE_AA)
 
 
-def side_colour(joint: str) -> tuple[int, int, int]:
+def draw_tag(frame: np.ndarray, keypoints: np.ndarray, text: str, colour: Colour) -> None:
+    """Draw a box around one person into ``frame``, and ``text`` above it; letters beyond ASCII become "?"."""
+    import cv2
+
+    high, wide = frame.shape[:2]
+    seen = keypoints[~np.isnan(keypoints[:, 0])]
+    if not len(seen):
+        return
+    size = max(high, wide) / 1000 + 0.15
+    thick = 1 + round(size)
+    edge = np.array((wide - 1, high - 1))
+    left, top = np.clip(seen.min(axis=0) - 8 * thick, 0, edge).astype(int).tolist()
+    right, bottom = np.clip(seen.max(axis=0) + 8 * thick, 0, edge).astype(int).tolist()
+    cv2.rectangle(frame, (left, top), (right, bottom), colour, thick, cv2.LINE_AA)
+    shown = text.encode("ascii", "replace").decode()
+    (width, height), below = cv2.getTextSize(shown, cv2.FONT_HERSHEY_SIMPLEX, size, thick)
+    left = max(0, min(left, wide - width - 4))
+    base = max(top - below, height + 2)
+    cv2.rectangle(frame, (left, base - height - 2), (left + width + 4, base + below), colour, -1)
+    place = (left + 2, base)
+    cv2.putText(frame, shown, place, cv2.FONT_HERSHEY_SIMPLEX, size, (255, 255, 255), thick, cv2.LINE_AA)
+
+
+def side_colour(joint: str) -> Colour:
     """Blue, green and red of a joint, by the side of the body."""
     return _SIDES.get(joint.partition("_")[0], _SIDES["middle"])
 
 
 def overlay(
-    frames: Iterable[tuple[float, np.ndarray]], poses: Sequence[PoseSequence]
+    frames: Iterable[tuple[float, np.ndarray]], poses: Sequence[PoseSequence], tags: Sequence[str] = ()
 ) -> Iterator[tuple[float, np.ndarray]]:
     """The frames with everybody drawn who was found at that time.
 
@@ -79,6 +106,8 @@ def overlay(
     frames : iterable of (seconds, frame)
         The video that ``poses`` were extracted from, once more.
     poses : sequence of PoseSequence
+    tags : sequence of str, optional
+        What to write above each of them, besides the time; each then has a box in a colour of their own.
     """
     places = [iter(zip(pose.times.tolist(), pose.keypoints, strict=True)) for pose in poses]
     ahead = [next(place, None) for place in places]
@@ -91,9 +120,33 @@ def overlay(
             # Frames may share a time stamp, so that each pose is used for one frame, in order.
             if found is not None and found[0] <= time + _SAME:
                 draw_pose(picture, found[1], skeleton(pose.skeleton))
+                if tags:
+                    draw_tag(picture, found[1], f"{tags[i]}  {time:.1f} s", _PEOPLE[i % len(_PEOPLE)])
                 found = next(places[i], None)
             ahead[i] = found
         yield time, picture
+
+
+def cropped(
+    frames: Iterable[tuple[float, np.ndarray]], poses: Sequence[PoseSequence], margin: float = 0.15
+) -> Iterator[tuple[float, np.ndarray]]:
+    """The frames, cropped to where the people of ``poses`` are in all their time.
+
+    Parameters
+    ----------
+    frames : iterable of (seconds, frame)
+    poses : sequence of PoseSequence
+        In pixels of the frames.
+    margin : float
+        On each side, as a share of the longer side of that place.
+    """
+    boxes = np.array([pose.box for pose in poses if pose.box])
+    low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+    room = margin * float((high - low).max())
+    left, top = np.maximum(low - room, 0).astype(int).tolist()
+    right, bottom = np.ceil(high + room + 1).astype(int).tolist()
+    for time, frame in frames:
+        yield time, frame[top:bottom, left:right]
 
 
 def can_write_video() -> bool:
@@ -153,28 +206,8 @@ def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quali
     return count
 
 
-def around(poses: Sequence[PoseSequence]) -> tuple[int, int, int, int] | None:
-    """Left, top, right and bottom, in pixels, of where anybody is at any time, with room around it.
-
-    Single joints that are far off do not count. None where nobody is seen.
-    """
-    points = np.concatenate([pose.keypoints[..., :2].reshape(-1, 2) for pose in poses])
-    points = points[np.isfinite(points).all(axis=1)]
-    if len(points) == 0:
-        return None
-    low, high = np.percentile(points, [1, 99], axis=0)
-    room = _ROOM * float((high - low).max())
-    (left, top), (right, bottom) = np.floor(low - room).astype(int), np.ceil(high + room).astype(int)
-    return int(left), int(top), int(right), int(bottom)
-
-
 def write_strip(
-    frames: Iterable[tuple[float, np.ndarray]],
-    path: Path,
-    *,
-    box: tuple[int, int, int, int] | None = None,
-    pictures: int = 8,
-    height: int = 240,
+    frames: Iterable[tuple[float, np.ndarray]], path: Path, *, pictures: int = 8, height: int = 240
 ) -> int:
     """Write about evenly spaced frames side by side as a PNG; the number of frames seen.
 
@@ -187,8 +220,6 @@ def write_strip(
         (H, W, 3) uint8 in BGR.
     path : path
         ``.png``; it appears once it is complete.
-    box : (left, top, right, bottom), optional
-        The part of each frame that is shown, such as that of `around`.
     pictures : int
         How many at most.
     height : int
@@ -205,9 +236,6 @@ def write_strip(
     step, count = 1, 0
     for _, frame in frames:
         if count % step == 0:
-            if box is not None:
-                left, top, right, bottom = (max(0, edge) for edge in box)
-                frame = frame[top:bottom, left:right] if min(frame[top:bottom, left:right].shape) else frame
             width = max(1, round(frame.shape[1] * height / frame.shape[0]))
             kept.append(cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA))
             if len(kept) == 2 * pictures:

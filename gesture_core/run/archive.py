@@ -53,7 +53,8 @@ def load_poses(
     GestureError
         For the first input that cannot be read; `classify_archive` gives such an input a row instead.
     """
-    every = discover(as_strings(sources))
+    ready = _settings(settings, changes)
+    every = discover(as_strings(sources), settings=ready)
     items = [item for item in every if item.kind != "other"]
     if not items:
         raise InputError(
@@ -68,7 +69,7 @@ def load_poses(
     for item in items:
         if item.kind == "broken":
             raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
-    extracted = extract_all(items, _settings(settings, changes), workers=workers)
+    extracted = extract_all(items, ready, workers=workers)
     by_key = {item.key: found for item, found in extracted}
     poses: list[PoseSequence] = []
     for item in items:

@@ -25,6 +25,7 @@ from gesture_core.classify.evaluation import (
 )
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable
+from gesture_core.pose.choice import choose_pose, described
 from gesture_core.run.archive import Sources, as_strings
 from gesture_core.run.extract import extract_all
 from gesture_core.run.fingerprint import fingerprint, pose_identity, run_configuration
@@ -185,14 +186,14 @@ def evaluate_archive(
     for point, candidate in zip(points, candidates, strict=True):
         check_settings(candidate)
         for key in point:
-            if find_key(key, ready, "--grid")[0] == "pose":
+            if find_key(key, ready, "--grid")[0] in ("pose", "keypoints"):
                 raise ConfigError(
                     f"--grid {key}: keypoints are extracted once",
                     remedy="one evaluation for each value, with --set",
                     code="E_OPTION",
                 )
             check_option(key, candidate, "--grid")
-    items = _labelled(as_strings(sources), labels, avoid)
+    items = _labelled(as_strings(sources), labels, avoid, ready)
     who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
     examples = _examples(items, train, protocol)
     neighbors = max(candidate.classify.neighbors for candidate in candidates)
@@ -239,6 +240,8 @@ def people_of(
     """
     listener = listener or Listener()
     listener.planned(len(items), len(items), 0, "")
+    if any(item.kind == "video" for item in items):
+        listener.network(described(choose_pose(settings)))
     for item, found in extract_all(
         items, settings, identity=identity, workers=workers, on_frames=listener.frames
     ):
@@ -278,9 +281,9 @@ def _load(
     return poses, hashes, identity, assumed
 
 
-def _labelled(sources: Sequence[str], labels: str, avoid: Path | None) -> list[Input]:
+def _labelled(sources: Sequence[str], labels: str, avoid: Path | None, settings: Settings) -> list[Input]:
     """The inputs with their labels; those that cannot be read are among them and count as wrong."""
-    every = discover(sources, avoid=avoid)
+    every = discover(sources, avoid=avoid, settings=settings)
     found = [item for item in every if item.kind != "other"]
     if not found:
         raise InputError(

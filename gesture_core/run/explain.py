@@ -116,7 +116,7 @@ def _people(
     spellings: dict[str, list[str]] = {}  # an input may be an example too, under another name
     for name in hashes:
         spellings.setdefault(_place(name), []).append(name)
-    items = [item for item in _inputs(hashes) if _place(item.name) in spellings]
+    items = [item for item in _inputs(hashes, settings) if _place(item.name) in spellings]
     people: dict[str, list[PoseSequence]] = {}
     for item, found, sequences in people_of(items, settings, listener=listener):
         for name in spellings[_place(item.name)]:
@@ -138,11 +138,11 @@ def _place(name: str) -> str:
     return f"{Path(path).resolve()}::{member}"
 
 
-def _inputs(names: Iterable[str]) -> list[Input]:
+def _inputs(names: Iterable[str], settings: Settings) -> list[Input]:
     """What is in the files and folders that ``names`` lie in; each is looked into once."""
     paths = dict.fromkeys(name.partition("::")[0] for name in names)
     try:
-        return discover(list(paths))
+        return discover(list(paths), settings=settings)
     except InputError as error:
         raise InputError(
             "is not where the run found it",

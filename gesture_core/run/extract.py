@@ -7,10 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 from gesture_core.cores import usable_cores
-from gesture_core.errors import ConfigError, ModelError, PluginError, RunFolderError, WorkerError
+from gesture_core.errors import Code, ConfigError, ModelError, PluginError, RunFolderError, WorkerError
 from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.interfaces import Closeable, ExecutionEngine
 from gesture_core.plugin.registry import Registration, calling, registry
+from gesture_core.pose.choice import choose_pose
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.run.inputs import Input
 from gesture_core.run.store import keypoint_store, prune
@@ -109,6 +110,8 @@ class OpenEngine:
         ------
         ModelError
             Where it cannot be loaded, ends its process, or answers with anything but keypoints.
+        PoseError
+            ``E_POSE_PEOPLE`` where it cannot tell people apart and the settings ask for that.
         RunFolderError
             ``E_STORE_WRITE`` where the cache cannot be written.
         """
@@ -126,6 +129,9 @@ class OpenEngine:
             ) from error
         for outcome in self._run([Task(0, "try_model")], lambda task, count: None):
             if isinstance(outcome.error, ConfigError):  # of the backend's options, not of the network
+                raise outcome.error
+            if outcome.error and outcome.error.code == Code.POSE_PEOPLE:
+                outcome.error.subject = self._settings.pose.model
                 raise outcome.error
             if outcome.error:
                 raise ModelError(
@@ -175,6 +181,7 @@ def extract_all(
     if not items:
         return
     videos = any(item.kind == "video" for item in items)
+    settings = choose_pose(settings, needed=videos)
     identity = pose_identity(settings, videos) if identity is None else identity
     added = False
     with OpenEngine(

@@ -28,27 +28,34 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
     dict
         ``video`` and ``readers``, the latter by name; see `pose_keys`.
     """
+    from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.extract import REVISION
-    from gesture_core.pose.models import find_model
+    from gesture_core.pose.models import FINDER, find_model
     from gesture_core.video import reader_name
 
     plugins = registry()
-    pose = settings.as_dict()["pose"]
-    shared = {name: pose[name] for name in ("fps", "people", "score")}
-    del pose["fps"]
+    settings = choose_pose(settings, needed=with_model)
+    tree = settings.as_dict()
+    pose = tree["pose"]
+    shared = {"people": pose["people"], "score": pose["score"], "keypoints": tree["keypoints"]}
+    model: dict[str, Any] | None
     try:
         found = find_model(settings.pose.model)
-        model = {"sha256": found.sha256, "contract": found.contract.as_table() if found.contract else None}
+        contract = found.contract
+        model = {"sha256": found.sha256, "contract": contract.as_table() if contract else None}
+        if contract and contract.layout == "blazepose":
+            model["finder"] = find_model(FINDER).sha256
     except ModelError:
         if with_model:
             raise
         model = None
+    backend = settings.pose.backend
     reader = reader_name(settings.pose.reader, settings.options)
     video = {
         "package": gesture_core.__version__,
         "extraction": REVISION,
         "settings": pose,
-        "backend": plugins.find("pose", settings.pose.backend).identity,
+        "backend": backend if backend == "auto" else plugins.find("pose", backend).identity,
         "options": settings.plugin_options(settings.pose.backend),
         "reader": {
             "name": reader,
@@ -87,7 +94,8 @@ def run_configuration(
     Without a ``kernel`` nothing is compared, and only what decides the keypoints counts.
     """
     if not kernel:
-        pose = {"pose": settings.as_dict()["pose"]}
+        tree = settings.as_dict()
+        pose = {section: tree[section] for section in ("pose", "keypoints")}
         return {"settings": pose, "keypoints": dict(identity), "plugins": {}, "examples": {}}
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     steps = [registry().find(kind, name.partition(":")[0]) for kind, name in settings.plugins()]

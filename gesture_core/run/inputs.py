@@ -16,7 +16,7 @@ from gesture_core.files import printable
 from gesture_core.run.readers import Readers
 from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
-from gesture_core.settings import LimitSettings
+from gesture_core.settings import Settings
 from gesture_core.types import Job
 
 VIDEO_SUFFIXES = frozenset(
@@ -78,6 +78,7 @@ def discover(
     *,
     avoid: Path | None = None,
     assistant: Assistant | None = None,
+    settings: Settings | None = None,
 ) -> list[Input]:
     """Inputs in ``sources``: files, folders (walked), globs, or text and CSV manifests.
 
@@ -89,7 +90,9 @@ def discover(
     avoid : Path, optional
         A folder that is not walked into: the run folder.
     assistant : Assistant, optional
-        Where keypoint readers are asked what is theirs; one of its own by default.
+        Where keypoint readers are asked what is theirs; one of its own by default, with the ``settings``.
+    settings : Settings, optional
+        What files leave open may decide who reads them.
 
     Returns
     -------
@@ -103,7 +106,8 @@ def discover(
         Where a source or a path in a manifest does not exist, or is listed with two labels.
     """
     if assistant is None:
-        with Assistant(Job({}, ""), LimitSettings()) as own:
+        settings = settings or Settings()
+        with Assistant(Job(settings.as_dict(), ""), settings.limits) as own:
             return discover(sources, avoid=avoid, assistant=own)
     walk = _Walk(avoid, Readers(assistant))
     found: dict[bytes, Input] = {}
@@ -222,7 +226,7 @@ class _Walk:
             elif trouble:
                 yield _broken(path, *trouble)
             else:
-                yield Input(path, name, "other", fault="neither a video nor a keypoint file")
+                yield Input(path, name, "other", fault=self._readers.why_not(path))
 
     def _members(self, path: Path, reader: str) -> Iterator[Input]:
         name = printable(os.fspath(path))

@@ -7,6 +7,7 @@ batches, and each input's rows are committed in one transaction.
 from __future__ import annotations
 
 import hashlib
+import re
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,6 +29,7 @@ from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.types import Job, Row
 
 _BATCH = 64
+_TIMES = re.compile(r" \(\d+ times\)$")
 _SECONDS_BETWEEN_BATCHES = 2.0
 _TOGETHER = 16
 """Inputs that are decided in one call: where it ends its process, each is decided alone."""
@@ -41,6 +43,9 @@ class Listener:
 
     def stage(self, name: str) -> None:
         """What is done from now on: ``keypoints``, ``fitting``, ``comparing`` or ``writing``."""
+
+    def network(self, text: str) -> None:
+        """What finds people in videos, and where, in words."""
 
     def frames(self, name: str, count: int) -> None:
         """``count`` further frames of an input are done."""
@@ -78,6 +83,9 @@ class RunSummary:
     assumed : mapping
         What files do not say and was assumed, such as the frames a second of keypoints without
         times, and of how many inputs and examples that this run looked at.
+    notes : mapping
+        What is worth knowing of inputs and examples that this run looked at and of which nothing is lost,
+        such as pixels that are not square, and of how many.
     classes : mapping
         Number of examples that can be used, by label.
     inputs_among_examples : int
@@ -96,14 +104,19 @@ class RunSummary:
     fingerprint: str = ""
     lost_classes: tuple[str, ...] = ()
     assumed: Mapping[str, int] = field(default_factory=dict)
+    notes: Mapping[str, int] = field(default_factory=dict)
     classes: Mapping[str, int] = field(default_factory=dict)
     inputs_among_examples: int = 0
     gone: int = 0
 
     @property
     def exit_code(self) -> int:
-        """0 when every row is whole, 3 where there are errors, degraded rows, or examples that are lost."""
+        """0 when every row is whole, 3 where there are errors, degraded rows, or examples that are lost.
+
+        Also 3 where every input was skipped: then nothing was read.
+        """
         flawed = self.counts.get("error", 0) + self.counts.get("degraded", 0)
+        flawed += bool(self.counts) and set(self.counts) == {"skipped"}
         return 3 if flawed or self.failed_examples or self.lost_classes else 0
 
     def rows(self) -> list[Row]:
@@ -134,6 +147,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     ):
         plan = make_plan(request, results, assistant)
         listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
+        if plan.network:
+            listener.network(plan.network)
         run = _Run(request, plan, results, assistant, listener)
         if plan.waiting:
             run.work()
@@ -157,6 +172,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             fingerprint=plan.fingerprint,
             lost_classes=tuple(sorted(lost)),
             assumed=dict(run.assumed),
+            notes=dict(run.notes),
             classes=dict(sorted(classes.items())),
             inputs_among_examples=results.copies(set(plan.hashes.values()) - {""}),
             gone=plan.gone,
@@ -173,6 +189,7 @@ class _Run:
     frames: int = 0
     added: bool = False
     assumed: Counter[str] = field(default_factory=Counter)
+    notes: Counter[str] = field(default_factory=Counter)
 
     def work(self) -> None:
         """Extract, compare, commit, until nothing waits."""
@@ -231,6 +248,7 @@ class _Run:
             self.frames += 0 if found.cached else found.frames_read
             self.added |= bool(found.stored) and not found.cached
             self.assumed.update([found.assumed] if found.assumed else [])
+            self.notes.update(_TIMES.sub("", note) for note in found.notes if found.complete)
             yield item, found
 
     def _fit(self, found: Mapping[bytes, Extracted]) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import content_sha256, stamp, without_cache
 from gesture_core.plugin import registry
+from gesture_core.pose.choice import choose_pose, described
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import differences, fingerprint, pose_identity, run_configuration
 from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input, discover
@@ -93,6 +94,8 @@ class Plan:
         Labels that the folders of the examples stand for, whatever is in them.
     gone : int
         Inputs of earlier runs whose rows were removed, as they are not there any more.
+    network : str
+        What finds people, in words; empty where there is no video.
     """
 
     settings: Settings
@@ -107,6 +110,7 @@ class Plan:
     files: KeypointFiles | None
     announced: frozenset[str] = frozenset()
     gone: int = 0
+    network: str = ""
 
     @property
     def kernel(self) -> str:
@@ -154,6 +158,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         kernel = assistant.ask("open_classifier", keep=True)
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     videos = any(item.kind == "video" for item in (*inputs, *examples))
+    settings = choose_pose(settings, needed=videos)
     identity = pose_identity(settings, with_model=videos)
     stamps = {item.key: _stamp(item) for item in (*inputs, *examples)}
     hashes = {
@@ -203,6 +208,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
             label_folders(request.examples, request.out) if request.labels == "folder" else ()
         ),
         gone=len(gone),
+        network=described(settings) if videos else "",
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence, Set
 from contextlib import suppress
 from pathlib import Path
 
-from gesture_core.errors import PluginError, WorkerError
+from gesture_core.errors import GestureError, PluginError, WorkerError
 from gesture_core.plugin.registry import Registration, registry
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.run.workers.functions import Answer, encoded
@@ -21,7 +21,14 @@ class Readers:
     def __init__(self, assistant: Assistant) -> None:
         plugins = registry()
         self._assistant = assistant
-        self._every = [plugins.find("reader", name) for name in plugins.names("reader", usable=True)]
+        usable = plugins.names("reader", usable=True)
+        self._every = [plugins.find("reader", name) for name in usable]
+        self._lacking = [
+            entry
+            for name in plugins.names("reader")
+            if name not in usable and len(entries := plugins.entries["reader", name]) == 1
+            for entry in entries
+        ]
         self._answers: dict[tuple[str, Path], Answer] = {}
 
     def expect(self, files: Sequence[Path]) -> None:
@@ -57,7 +64,29 @@ class Readers:
                 return reader.name, None
             if answer:
                 faults.append(answer)
+        for reader in self._lacking:
+            if reader.suffixes and _may_take(reader, path, inside):
+                cause = f"{reader.title} needs {', '.join(reader.missing)}: {reader.install}"
+                faults.append(("E_MISSING_DEPENDENCY", cause))
         return "", (faults[0][0], "; ".join(cause for _, cause in faults)) if faults else None
+
+    def why_not(self, path: Path) -> str:
+        """Why no reader takes the file ``path``: what the readers of files with such a name say of it."""
+        near = [reader for reader in self._every if reader.suffixes and _may_take(reader, path)]
+        causes = []
+        for reader in near:
+            try:
+                cause = self._assistant.ask("refusal", {"reader": reader.name, "path": encoded(path)})
+            except GestureError as error:
+                cause = error.cause
+            except OSError as error:
+                cause = f"cannot be read: {error.strerror or error}"
+            causes += [f"{reader.name}: {cause}"] if cause else []
+        if causes:
+            return f"no reader takes it; {'; '.join(causes)}"
+        if near:
+            return f"no reader takes it, not {' nor '.join(reader.name for reader in near)}"
+        return "neither a video nor a keypoint file"
 
     def members(self, reader: str, path: Path) -> list[str]:
         """Names of the sequences in ``path``; a PluginError where the reader ends its process."""

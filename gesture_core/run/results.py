@@ -26,9 +26,11 @@ OWN_FILES = frozenset({DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", LOCK, FIT
 """What a run leaves in its folder besides its exports; it may lie among videos or examples."""
 _VERSION = 2
 _TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {
-    "frames_with_pose": "INTEGER", "attempts": "INTEGER",
-    "distance": "REAL", "margin": "REAL", "seconds": "REAL",
+    "frames_looked_at": "INTEGER", "frames_with_pose": "INTEGER", "attempts": "INTEGER",
+    "distance": "REAL", "margin": "REAL", "seconds": "REAL", "start": "REAL", "end": "REAL",
 }  # fmt: skip
+_ADDED: dict[str, Any] = {"note": "", "start": None, "end": None, "box": "", "frames_looked_at": 0}
+"""Columns that the first files of this format lack, with what stands in them."""
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS content (
@@ -36,7 +38,7 @@ CREATE TABLE IF NOT EXISTS content (
 );
 CREATE TABLE IF NOT EXISTS rows (
   key BLOB NOT NULL, place BLOB NOT NULL, role TEXT NOT NULL,
-  {", ".join(f"{name} {_TYPES.get(name, 'TEXT')}" for name in COLUMNS)},
+  {", ".join(f'"{name}" {_TYPES.get(name, "TEXT")}' for name in COLUMNS)},
   PRIMARY KEY (role, key, person)
 );
 CREATE TABLE IF NOT EXISTS published (key BLOB PRIMARY KEY, file TEXT NOT NULL);
@@ -122,6 +124,10 @@ class Results:
         db.execute("PRAGMA synchronous=FULL")
         db.executescript(_SCHEMA)
         db.execute("INSERT OR IGNORE INTO meta VALUES ('version', ?)", (str(_VERSION),))
+        known = {row["name"] for row in db.execute("PRAGMA table_info(rows)")}
+        for name in _ADDED.keys() - known:
+            db.execute(f'ALTER TABLE rows ADD COLUMN "{name}" {_TYPES.get(name, "TEXT")}')
+            db.execute(f'UPDATE rows SET "{name}" = ?', (_ADDED[name],))
         return db
 
     def __enter__(self) -> Results:
@@ -197,7 +203,7 @@ class Results:
         """All rows, ordered by input and person."""
         query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person"
         for record in self._db.execute(query, (role,)):
-            yield Row.from_record(record)
+            yield Row.from_record(_ADDED | dict(record))
 
     def places(self) -> list[tuple[bytes, bytes]]:
         """Key and path of every input that has rows."""

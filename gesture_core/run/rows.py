@@ -66,27 +66,32 @@ def rows_of(
         found.sha256,
         frames_declared=found.frames_declared,
         frames_read=found.frames_read,
+        frames_looked_at=found.frames_looked_at,
         seconds=found.seconds,
         attempts=found.attempts,
         plugin=found.plugin,
+        note=_note(found),
         fingerprint=fingerprint,
     )
     if found.code:
         return [replace(base, code=found.code, message=_about(item, found.message))]
     if not found.people:
         message = (
-            f"{item.name}: nobody was found in {found.frames_read} frames; "
+            f"{item.name}: nobody was found in the {found.frames_looked_at} frames that were looked at; "
             "try: another --pose or --model, or gesture render to see what the network sees"
         )
         nobody = replace(base, status=Code.NO_PERSON.status, code="E_NO_PERSON", message=message)
         return [_with_damage(nobody, item, found)]
     rows = []
-    for number, (person, frames) in enumerate(found.people):
+    for number, seen in enumerate(found.people):
         prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
         code = Code.of(prediction.code)
         row = replace(
             base,
-            person=person,
+            person=seen.person,
+            start=seen.start,
+            end=seen.end,
+            box=seen.box,
             label=prediction.label,
             distance=prediction.distance,
             margin=prediction.margin,
@@ -95,7 +100,7 @@ def rows_of(
             code=prediction.code,
             message=_about(item, prediction.message)
             + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
-            frames_with_pose=frames,
+            frames_with_pose=seen.frames,
             selected=prediction.selected,
         )
         rows.append(_with_damage(row, item, found))
@@ -121,6 +126,12 @@ def _with_damage(row: Row, item: Input, found: Extracted) -> Row:
         message=f"{item.name}: {'; '.join(found.notes) or 'frames are missing'}; "
         f"kept: {found.frames_read} frames; try: repairing the file{otherwise}",
     )
+
+
+def _note(found: Extracted) -> str:
+    """What was assumed, and what was noted; where frames are lost, the message has the notes."""
+    assumed = [f"assumed: {found.assumed}"] if found.assumed else []
+    return "; ".join([*assumed, *(found.notes if found.complete else ())])
 
 
 def _about(item: Input, message: str) -> str:

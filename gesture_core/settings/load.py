@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -80,6 +81,9 @@ def load_settings(
 def settings_from_dict(tree: Mapping[str, Any]) -> Settings:
     """The inverse of `Settings.as_dict`."""
     settings = Settings(options=dict(tree.get("options", {})))
+    if "fps" in (pose := dict(tree.get("pose", {}))):  # of runs by version 0.1
+        rate = {"fps": pose.pop("fps")}
+        tree = {**tree, "pose": pose, "keypoints": rate | tree.get("keypoints", {})}
     for section in SECTIONS:
         settings = _change(settings, section, tree.get(section, {}), "settings")
     return settings
@@ -151,7 +155,9 @@ def _change(settings: Settings, section: str, values: Mapping[str, Any], origin:
     read = {}
     for name, value in values.items():
         if name not in hints:
-            raise ConfigError(f"{origin}: [{section}] has no {name!r}", remedy=near(name, list(hints)))
+            raise ConfigError(
+                f"{origin}: [{section}] has no {name!r}", remedy=_elsewhere(name, list(hints), section)
+            )
         read[name] = _read(f"{section}.{name}", value, hints[name], origin)
     return replace(settings, **{section: replace(getattr(settings, section), **read)})
 
@@ -173,8 +179,12 @@ def find_key(key: str, settings: Settings, origin: str) -> tuple[str, str]:
     if dot:
         if section in SECTIONS and name not in fields_of(section):
             cause = f"{origin} {key!r}: [{section}] has no {name!r}"
-            raise ConfigError(cause, remedy=near(key, [f"{section}.{known}" for known in fields_of(section)]))
-        return _plugin(section.removeprefix("options."), origin, name), name
+            raise ConfigError(cause, remedy=_elsewhere(name, fields_of(section), section))
+        plugin = _plugin(section.removeprefix("options."), origin, name)
+        if name in fields_of("keypoints") and not _takes(plugin, name):
+            cause = f"{origin} {key!r}: what keypoint files leave open is said once for all readers"
+            raise ConfigError(cause, remedy=f"keypoints.{name}", code="E_OPTION")
+        return plugin, name
     owners = [section for section in SECTIONS if key in fields_of(section)]
     owners += [plugin for plugin, given in settings.options.items() if key in given]
     if len(owners) == 1:
@@ -196,7 +206,7 @@ def find_key(key: str, settings: Settings, origin: str) -> tuple[str, str]:
             f"{origin} {key!r} is an option of {where}, which takes no part here",
             remedy=" or ".join(f"--preset {preset}" for preset in dict.fromkeys(p for p, _ in homes)),
         )
-    every = {name: section for section in reversed(SECTIONS) for name in fields_of(section)}
+    every = {name: section for section in SECTIONS for name in fields_of(section)}
     alike = [f"{every[name]}.{name}" for name in difflib.get_close_matches(key, every, 3)]
     remedy = (
         f"did you mean {' or '.join(alike)}?"
@@ -245,13 +255,29 @@ def check_option(key: str, settings: Settings, origin: str) -> None:
 
 def _chosen(settings: Settings) -> set[str]:
     """Names of the plugins that make a label of a video."""
-    return {settings.pose.backend, *(plugin for _, plugin in settings.plugins())}
+    backend = settings.pose.backend
+    backends = registry().names("pose") if backend == "auto" else (backend,)
+    return {*backends, *(plugin for _, plugin in settings.plugins())}
 
 
 def near(word: str, known: Sequence[str]) -> str:
     """A remedy for ``word``: the known names that are spelled alike, or all of them."""
     alike = difflib.get_close_matches(word, known, 3)
     return f"did you mean {' or '.join(alike)}?" if alike else f"one of {', '.join(known)}"
+
+
+def _takes(plugin: str, option: str) -> bool:
+    """Whether a plugin may have an option: any but a keypoint reader that does not name it."""
+    kinds = [kind for kind, name in registry().entries if name == plugin]
+    return kinds != ["reader"] or registry().takes("reader", plugin, option)
+
+
+def _elsewhere(name: str, known: Sequence[str], section: str) -> str:
+    """A remedy for the name of a setting that its ``section`` lacks: whole keys."""
+    if name in fields_of("keypoints"):
+        return f"keypoints.{name}"
+    alike = difflib.get_close_matches(name, known, 3) or known
+    return near(f"{section}.{name}", [f"{section}.{other}" for other in alike])
 
 
 def _toml_value(value: Any) -> Any:
@@ -276,7 +302,8 @@ def _read(key: str, value: Any, hint: Any, origin: str) -> Any:
     plain = value if hint is str else _toml_value(value)
     for option in options:
         if get_origin(option) is tuple:
-            parts = (plain.split(",") if plain else ()) if isinstance(plain, str) else plain
+            between = "," if get_args(option)[0] is str else "[,x]"  # 1920x1080 is a pair of numbers too
+            parts = (re.split(between, plain) if plain else ()) if isinstance(plain, str) else plain
             if isinstance(parts, list | tuple):
                 read = []
                 for part in parts:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
+from gesture_core.plugin.reading import ReadOptions
 
 DEFAULT_PRESET = "modern"
 _INFINITE = float("inf")
@@ -33,14 +34,22 @@ class PoseSettings(_Section):
     Attributes
     ----------
     backend : str
-        Name of a pose backend.
+        Name of a pose backend, or ``auto``: the first one that reads the network's file.
     model : str
-        Name or file of a pose network.
+        Name or file of a pose network, or ``auto``: ``blazepose`` where it is installed, otherwise
+        ``compact``.
+    provider : "auto", "cpu", "cuda", "tensorrt", "openvino", "coreml" or "directml"
+        What onnxruntime runs the network on; ``auto`` is the fastest that its installation has.
+    target : "auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16" or "vulkan"
+        What OpenCV runs the network on; ``auto`` is CUDA where it was built with it, otherwise the CPU.
     people : "single" or "multi"
         One person for each input, or one row for each track.
     height : int or None
         Height in pixels that a picture is scaled to, for networks that take any size; None leaves it
         to the network's contract.
+    rate : None or float
+        Frames of a video that are looked at in a second, at most, chosen by their time stamps; none or 0:
+        every frame. All are decoded and counted.
     follow : bool or None
         Crop to the person and follow them; None lets the model decide.
     score : None or float
@@ -48,18 +57,18 @@ class PoseSettings(_Section):
         scores; None leaves it to the network, and takes every joint of a keypoint file.
     reader : str
         Name of a video reader, or ``auto``: ``pyav`` where it is installed, otherwise ``opencv``.
-    fps : float
-        Frames per second of keypoint files that carry no times.
     """
 
-    backend: str = "onnx"
-    model: str = "compact"
+    backend: str = "auto"
+    model: str = "auto"
+    provider: Literal["auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml"] = "auto"
+    target: Literal["auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16", "vulkan"] = "auto"
     people: Literal["single", "multi"] = "single"
     height: int | None = None
+    rate: float | None = 15.0
     follow: bool | None = None
     score: float | None = None
     reader: str = "auto"
-    fps: float = 30.0
 
 
 @dataclass(frozen=True)
@@ -68,6 +77,9 @@ class SignalSettings(_Section):
 
     Attributes
     ----------
+    repair : bool
+        Take out joints that jump and come back, and exchange left and right where the frames before and
+        after say that they are confused.
     max_gap : float
         Seconds of a missing joint that are interpolated; a joint with a longer gap inside keeps
         its nearest values only if it was seen in ``min_seen`` of the frames.
@@ -86,6 +98,7 @@ class SignalSettings(_Section):
         that can only be matched by examples that are still too.
     """
 
+    repair: bool = False
     max_gap: float = 0.5
     min_seen: float = 0.5
     min_frames: int = 5
@@ -185,6 +198,7 @@ class LimitSettings(_Section):
 
 SECTIONS: Mapping[str, type] = {
     "pose": PoseSettings,
+    "keypoints": ReadOptions,
     "signals": SignalSettings,
     "dtw": DtwSpec,
     "classify": ClassifySettings,
@@ -194,8 +208,8 @@ SECTIONS: Mapping[str, type] = {
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "pose.height": (32, 4096),
+    "pose.rate": (0, 100_000),
     "pose.score": (0, 1),
-    "pose.fps": (0.001, 100_000),
     "signals.max_gap": (0, _INFINITE),
     "signals.min_seen": (0, 1),
     "signals.min_frames": (1, 1e9),
@@ -215,7 +229,7 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "limits.memory": (64, 1e9),
     "limits.cache": (0, 1e9),
 }
-"""Least and greatest value of each number; those of the section dtw are checked by `DtwSpec`."""
+"""Least and greatest value of each number; `DtwSpec` and `ReadOptions` check those of their sections."""
 
 
 @dataclass(frozen=True)
@@ -234,6 +248,7 @@ class Settings:
 
     preset: str = DEFAULT_PRESET
     pose: PoseSettings = field(default_factory=PoseSettings)
+    keypoints: ReadOptions = field(default_factory=ReadOptions)
     signals: SignalSettings = field(default_factory=SignalSettings)
     dtw: DtwSpec = field(default_factory=DtwSpec)
     classify: ClassifySettings = field(default_factory=ClassifySettings)

@@ -11,6 +11,7 @@ from gesture_core.errors import GestureError, PluginError, PoseError, SignalErro
 from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
 from gesture_core.plugin.registry import calling, name_of, registry
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
+from gesture_core.signals.repair import repaired
 from gesture_core.skeletons import COCO18
 from gesture_core.types import PoseSequence, Signals
 
@@ -44,6 +45,7 @@ class Chain:
     selector: Selector
     gaps: GapRule = field(default_factory=GapRule)
     allow_still: bool = False
+    repair: bool = True
 
     @classmethod
     def from_settings(cls, settings: Settings) -> Chain:
@@ -64,7 +66,7 @@ class Chain:
             for kind, name in settings.plugins()
             if kind != "kernel"
         ]
-        return cls(normalizer, tuple(filters), selector, rule, chosen.still == "posture")
+        return cls(normalizer, tuple(filters), selector, rule, chosen.still == "posture", chosen.repair)
 
     def __call__(self, pose: PoseSequence) -> Signals:
         """The signals of one person.
@@ -106,6 +108,7 @@ class Chain:
 
     def normalised(self, pose: PoseSequence) -> Signals:
         """The signals before selection and filters: every channel in body units, gaps filled."""
+        pose = repaired(pose).pose if self.repair else pose
         pose = require_pose(pose.as_coco18(), self.gaps)
         joints, _ = fill_gaps(pose.keypoints, pose.times, self.gaps)
         # Scores of interpolated joints stay zero, so that later steps know them from seen ones.

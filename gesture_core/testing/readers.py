@@ -24,6 +24,7 @@ import numpy as np
 
 from gesture_core.errors import GestureError
 from gesture_core.plugin.interfaces import KeypointReader
+from gesture_core.plugin.reading import ReadOptions
 from gesture_core.testing.answers import ask, ask_or_refuse, title
 from gesture_core.types import PoseSequence
 
@@ -90,18 +91,18 @@ def check_reader_sequences(reader: KeypointReader, sample: Path) -> None:
 
 
 def check_reader_rate(reader: KeypointReader, sample: Path) -> None:
-    """A reader with the option fps uses it where the file has no times, and says that it assumed it."""
+    """A reader that takes ``options`` uses their rate where the file has no times, and says so."""
     name = type(reader).__name__
-    if not is_dataclass(reader) or "fps" not in {option.name for option in fields(reader)}:
+    if not is_dataclass(reader) or "options" not in {option.name for option in fields(reader)}:
         return
-    faster = replace(reader, fps=2 * reader.fps)
+    faster = replace(reader, **{"options": ReadOptions(fps=2 * ReadOptions().rate)})
     for member in reader.members(sample):
         for slow, fast in zip(reader.read(sample, member), faster.read(sample, member), strict=True):
             if np.array_equal(slow.times, fast.times):
                 continue  # the file has times of its own, or a single frame
             assert np.allclose(slow.times, 2 * fast.times), f"{name}: twice the fps are not half the seconds"
             assert slow.provenance.get("assumed"), (
-                f'{name}.read takes fps from its options and does not say so in provenance["assumed"]'
+                f'{name}.read takes a rate for granted and does not say so in provenance["assumed"]'
             )
 
 

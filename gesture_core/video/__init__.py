@@ -14,7 +14,18 @@ the names below.
 
 from gesture_core.video.containers import CONTAINERS
 from gesture_core.video.decoder import VideoDecoder
+from gesture_core.video.frames import LazyPicture, at_rate, pictures
 from gesture_core.video.integrity import DamageLog, Integrity
 from gesture_core.video.reader import open_video, reader_name
 
-__all__ = ["CONTAINERS", "DamageLog", "Integrity", "VideoDecoder", "open_video", "reader_name"]
+__all__ = [
+    "CONTAINERS",
+    "DamageLog",
+    "Integrity",
+    "LazyPicture",
+    "VideoDecoder",
+    "at_rate",
+    "open_video",
+    "pictures",
+    "reader_name",
+]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import ClassVar, Literal, Self
 
@@ -15,7 +16,7 @@ from gesture_core.files import printable
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReport
 from gesture_core.plugin.registry import calling
 from gesture_core.video.containers import open_container
-from gesture_core.video.frames import Clock, fit, upright
+from gesture_core.video.frames import Clock, LazyPicture, fit, upright
 from gesture_core.video.integrity import MAX_FPS, DamageLog
 
 
@@ -84,9 +85,9 @@ class VideoDecoder(ABC):
         """Open the decoder, decode the first frame, describe the video (with `describe`)."""
 
     @abstractmethod
-    def frames(self) -> Iterator[tuple[float | None, np.ndarray]]:
+    def frames(self) -> Iterator[tuple[float | None, np.ndarray | LazyPicture]]:
         """The container's stamp, in seconds from its first one, or None, and the picture as it is stored:
-        (H, W, 3) uint8 in BGR. What is lost goes to ``log``.
+        (H, W, 3) uint8 in BGR, or a `LazyPicture` where converting costs time. What is lost goes to ``log``.
         """
 
     @property
@@ -105,12 +106,19 @@ class VideoDecoder(ABC):
         )
 
     def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
+        for time, convert in self.pictures():
+            frame = convert()
+            if frame is not None:
+                yield time, frame
+
+    def pictures(self) -> Iterator[tuple[float, Callable[[], np.ndarray | None]]]:
+        """Every frame with its second, converted only where it is called: see `LazyFrames`."""
         if self._state != "new":
             raise MediaError("its reader was already used", subject=self.subject, remedy="open it again")
         self._state = "running"
-        info, limits = self.info, self.limits
-        clock = Clock(info.fps, self.log)
-        try:
+        limits = self.limits
+        clock = Clock(self.info.fps, self.log)
+        with self._blamed():
             for stamp, stored in self.frames():
                 time = clock.at(stamp)
                 kept = f"{self._read} frames"
@@ -123,19 +131,45 @@ class VideoDecoder(ABC):
                     raise self.error(
                         f"is longer than {limits.max_seconds:g} s", "E_MEDIA_LIMIT", remedy, kept
                     )
-                frame = upright(stored, info.rotation, info.mirrored)
-                if frame.shape[:2] != (info.height, info.width):
-                    size = f"{frame.shape[1]} x {frame.shape[0]}"
-                    self.log.note(f"picture of {size} scaled into {info.width} x {info.height}")
-                    frame = fit(frame, info.width, info.height)
+                self._note_size(stored)
                 self._read += 1
-                yield time, frame
+                yield time, partial(self._converted, stored)
+        self._state = "ended"
+
+    def _note_size(self, stored: np.ndarray | LazyPicture) -> None:
+        """Note a picture of another size than the first."""
+        info = self.info
+        if isinstance(stored, LazyPicture):
+            width, height = stored.width, stored.height
+        else:
+            height, width = stored.shape[:2]
+        if info.rotation % 180:
+            width, height = height, width
+        if (width, height) != (info.width, info.height):
+            self.log.note(f"picture of {width} x {height} scaled into {info.width} x {info.height}")
+
+    def _converted(self, stored: np.ndarray | LazyPicture) -> np.ndarray | None:
+        """A stored picture upright and of the video's size, None where it cannot be converted."""
+        info = self.info
+        with self._blamed():
+            picture = stored.convert() if isinstance(stored, LazyPicture) else stored
+        if picture is None:
+            self._read -= 1
+            return None
+        frame = upright(picture, info.rotation, info.mirrored)
+        same = frame.shape[:2] == (info.height, info.width)
+        return frame if same else fit(frame, info.width, info.height)
+
+    @contextmanager
+    def _blamed(self) -> Iterator[None]:
+        """Errors of a reader's own code, but for those that it is meant to raise, as errors of the plugin."""
+        try:
+            yield
         except (GestureError, OSError):
             raise
         except Exception:
             with calling(self):  # only now, as it reports each call to whoever watches this process
                 raise
-        self._state = "ended"
 
     def describe(
         self,

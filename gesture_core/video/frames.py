@@ -3,13 +3,39 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from gesture_core.plugin.interfaces import LazyFrames, Video
 from gesture_core.video.integrity import DamageLog
 
 _DEFAULT_FPS = 25.0
 _LEAP = 3600.0
+_EARLY = 0.1
+"""Of the time between two looks: how much too early a frame may come, as containers round their stamps."""
+
+Picture = tuple[float, Callable[[], np.ndarray | None]]
+"""The second of a frame, and what gives its pixels, or None where they cannot be converted."""
+
+
+@dataclass(frozen=True)
+class LazyPicture:
+    """A decoded picture whose pixels are converted only if somebody looks at them.
+
+    Attributes
+    ----------
+    width, height : int
+        Pixels of the stored picture.
+    convert : callable
+        Gives (height, width, 3) uint8 in BGR, or None where it fails, which is then in the log.
+    """
+
+    width: int
+    height: int
+    convert: Callable[[], np.ndarray | None]
 
 
 class Clock:
@@ -80,3 +106,38 @@ def fit(frame: np.ndarray, width: int, height: int) -> np.ndarray:
         frame, (inner_width, inner_height), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     )
     return out
+
+
+def pictures(video: Video) -> Iterator[Picture]:
+    """The frames of a video, converted only where somebody asks if it can do so (`LazyFrames`)."""
+    if isinstance(video, LazyFrames):
+        yield from video.pictures()
+        return
+    for time, frame in video:
+        yield time, partial(_same, frame)
+
+
+def _same(frame: np.ndarray) -> np.ndarray:
+    return frame
+
+
+def at_rate(pictures: Iterable[Picture], rate: float | None) -> Iterator[tuple[float, np.ndarray]]:
+    """The frames that are looked at: the first of each stretch of 1/``rate`` seconds, by their time stamps.
+
+    A video that has no more than ``rate`` frames a second has all of them. Where its own rate is a multiple
+    of ``rate``, or far above it, they are evenly spaced.
+
+    Parameters
+    ----------
+    pictures : iterable of (seconds, convert)
+        From `pictures`.
+    rate : float or None
+        Frames a second; with None or 0, every frame.
+    """
+    first, stretch = None, -1
+    for time, convert in pictures:
+        first = time if first is None else first
+        here = int((time - first) * rate + _EARLY) if rate else stretch + 1
+        if here > stretch and (frame := convert()) is not None:
+            stretch = here
+            yield time, frame

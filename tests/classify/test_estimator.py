@@ -344,15 +344,19 @@ def test_a_query_that_cannot_be_compared_gets_its_own_row_with_its_own_number() 
 
 def test_a_label_for_the_rejected_keeps_the_type_of_the_others() -> None:
     examples, far = [np.zeros((3, 1)), np.ones((3, 1))], np.full((3, 1), 9.0)
-    for labels, given, instead in (
+    cases: tuple[tuple[list[object], object, object], ...] = (
         ([0, 1], None, -1), ([0, 1], 7, 7), ([0.5, 1.5], None, -1.0), ([False, True], None, -1),
         (["a", "b"], None, "(none)"), (["a", "b"], "none at all", "none at all"),
-    ):  # fmt: skip
+    )  # fmt: skip
+    for labels, given, instead in cases:
         model = GestureClassifier("paper", "numpy", reject=0.5, rejected_label=given).fit(examples, labels)
         found = model.predict([far, examples[1]])
         assert found.tolist() == [instead, labels[1]] and model.rejected_label_ == instead
         assert found.dtype.kind == np.array(labels).dtype.kind or labels == [False, True]
-    for labels, given in (([0, 1], (1, 2)), ([0, 1], "x"), ([0, 1], 1), ([-1, 1], None), (["a", "b"], 3)):
+    wrong: tuple[tuple[list[object], object], ...] = (
+        ([0, 1], (1, 2)), ([0, 1], "x"), ([0, 1], 1), ([-1, 1], None), (["a", "b"], 3),
+    )  # fmt: skip
+    for labels, given in wrong:
         with pytest.raises(ConfigError, match="E_LABELS"):
             GestureClassifier("paper", "numpy", rejected_label=given).fit(examples, labels)
 
@@ -380,7 +384,7 @@ def test_probabilities_are_those_of_examples_that_are_left_out() -> None:
     codes = np.repeat([0, 1], 60)
     places = codes + random.normal(0, 0.8, 120)
     arrays = [np.full((3, 1), place) for place in places]
-    model = GestureClassifier("paper", "numpy", n_neighbors=1).fit(arrays, codes)
+    model = GestureClassifier("paper", "numpy", n_neighbors=1).fit(arrays, codes.tolist())
     asked = np.repeat([0, 1], 300) + random.normal(0, 0.8, 600)
     truth = np.repeat([0, 1], 300)
     shares = model.predict_proba([np.full((3, 1), place) for place in asked])
@@ -414,7 +418,7 @@ def test_a_classifier_is_saved_and_loaded_without_pickle(kind: str, tmp_path: Pa
     model = GestureClassifier("modern", "numpy", reject="calibrated", settings={"classify.mirror": 1.4})
     if kind == "arrays":
         poses, queries = ([np.nan_to_num(p.keypoints[:, 4]) for p in some] for some in (poses, queries))
-    model.fit(poses, answers if kind == "arrays" else labels)
+    model.fit(poses, list(answers) if kind == "arrays" else labels)
     model.save(tmp_path / "model")
     twin = GestureClassifier.load(tmp_path / "model")
     assert twin.predict(queries).tolist() == model.predict(queries).tolist()

@@ -90,14 +90,14 @@ def test_other_commands_take_all_sources_too(
          "--set again: --set KEY=VALUE --set neighbors=1"),
         ("extract {a} --out {out} {out}2", "2 stands apart from the other sources, behind an option; "
          "try: all sources before the options, or last after --"),
-        ("extract --set pose.fps=25 people=multi --out {out}", "--set KEY=VALUE --set people=multi"),
+        ("extract --set keypoints.fps=25 people=multi --out {out}", "--set KEY=VALUE --set people=multi"),
         ("evaluate {ex0} --grid mirror=1.1,1.2 rest=0.1", "--grid again: --grid KEY=VALUE --grid rest=0.1"),
         ("evaluate --grid mirror=1.1,1.2 rest=0.1 {ex0}", "--grid again: --grid KEY=VALUE --grid rest=0.1"),
         ("evaluate {ex0} --set a=1 b=2", "--set again: --set KEY=VALUE --set b=2"),
         ("bench {a} --set dtw.window=3 dtw.cost=squared", "--set KEY=VALUE --set dtw.cost=squared"),
         ("bench --set dtw.window=3 dtw.cost=squared", "--set KEY=VALUE --set dtw.cost=squared"),
         ("render {a} {b}", "is not understood here; try: gesture render --help"),
-        ("render {a} --set pose.fps=25 people=multi", "--set KEY=VALUE --set people=multi"),
+        ("render {a} --set keypoints.fps=25 people=multi", "--set KEY=VALUE --set people=multi"),
         ("demo --set dtw.window=3 neighbors=1", "--set KEY=VALUE --set neighbors=1"),
         ("models add x.onnx --contract colour=rgb scale=2", "--contract KEY=VALUE --contract scale=2"),
         ("explain {out} {a} {b}", "is not understood here"),
@@ -123,7 +123,7 @@ def test_a_name_with_an_equals_sign_is_a_name(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("a=1").symlink_to(places["a"])
-    assert main.run(["extract", "--set", "pose.fps=25", "a=1", "--out", "run"]) == 0
+    assert main.run(["extract", "--set", "keypoints.fps=25", "a=1", "--out", "run"]) == 0
     assert json.loads(capsys.readouterr().out)["input"] == "a=1"
 
 

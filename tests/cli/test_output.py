@@ -31,12 +31,22 @@ def test_the_table_names_the_label_of_the_nearest_example(capsys: pytest.Capture
 
 def test_keypoints_have_a_table_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
     row_table(
-        [Row("in/a.mp4", frames_read=40, frames_with_pose=38, seconds=1.95, status="ok"), *rows()],
+        [
+            Row(
+                "in/a.mp4",
+                frames_read=80,
+                frames_looked_at=40,
+                frames_with_pose=38,
+                seconds=1.95,
+                status="ok",
+            ),
+            *rows(),
+        ],
         classified=False,
     )
     said = capsys.readouterr().out
     assert "label" not in said and "with a pose" in said
-    assert [cell for cell in said.splitlines()[3].split() if cell] == ["a.mp4", "40", "38", "1.9", "ok"]
+    assert [cell for cell in said.splitlines()[3].split() if cell] == ["a.mp4", "80", "40", "38", "1.9", "ok"]
 
 
 def test_reasons_stand_below_the_worst_first(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from gesture_core.errors import KeypointError, MediaError, PluginError, PoseError, SignalError
 from gesture_core.plugin.interfaces import Person, Video, VideoInfo, VideoLimits, VideoReport
+from gesture_core.plugin.reading import ReadOptions
 from gesture_core.run.workers.worker import Worker
 from gesture_core.skeletons import COCO18
 from gesture_core.testing import checks_for, draw_pose
@@ -218,8 +219,8 @@ class Rows:
     """A right reader of files that begin with ``rows``; ``spoil`` makes it a wrong one."""
 
     spoil: Callable[[list[PoseSequence]], Any] = lambda found: found
-    fps: float = 30.0
-    assumed: str = "30 frames/s"
+    options: ReadOptions = field(default_factory=ReadOptions)
+    assumed: str = "fps=30"
     taken: bytes = b"rows"
     names: tuple[str, ...] = ("",)
     errors: tuple[type[Exception], ...] = (OSError, ValueError)
@@ -240,7 +241,7 @@ class Rows:
                 raise ValueError(word)
         except self.errors as error:
             raise KeypointError(str(error)) from error
-        times, scores = np.arange(len(points)) / self.fps, np.ones(points.shape[:2])
+        times, scores = np.arange(len(points)) / self.options.rate, np.ones(points.shape[:2])
         assumed = {"assumed": self.assumed}
         found = [PoseSequence(points, scores, times, source=str(path), provenance=assumed)]
         return self.spoil(found)

@@ -96,11 +96,15 @@ def test_a_network_that_takes_bytes_scales_them_itself() -> None:
 
 def test_known_networks_are_complete() -> None:
     known = known_models()
-    assert {"compact", "hpe0001", "movenet-lightning", "rtmpose", "yolo-pose", "openpose-coco"} <= set(known)
+    assert {"compact", "hpe0001", "movenet-lightning", "rtmpose-t", "yolo-pose", "openpose-coco"} <= set(
+        known
+    )
     hashes = [value for model in known.values() for value in model.sha256]
     assert len(hashes) == len(set(hashes)) and all(len(value) == 64 for value in hashes)
     for model in known.values():
-        assert model.licence and model.summary and (model.where or model.packaged)
+        assert model.licence and model.summary and (model.where or model.packaged or model.member)
+        assert bool(model.member) == bool(model.wheel or (model.url and model.archive_sha256))
+        assert not model.member or len(model.sha256) == 1
 
 
 def test_fields_cover_all_joints_that_can_be_joined() -> None:

@@ -20,7 +20,8 @@ from tiny_networks import dot_network, random_maps
 from gesture_core.cli.main import run
 from gesture_core.errors import GestureError, ModelError
 from gesture_core.pose import models as models_module
-from gesture_core.pose.model_store import add_model, downloaded, verify_models
+from gesture_core.pose.downloads import downloaded
+from gesture_core.pose.model_store import add_model, verify_models
 from gesture_core.pose.models import added_names, find_model, known_models, read_card
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.settings import load_settings
@@ -73,7 +74,9 @@ def test_unknown_names_have_a_remedy() -> None:
     with pytest.raises(ModelError, match="did you mean 'hpe0001'"):
         find_model("hpe001")
     with pytest.raises(ModelError, match=r"E_MODEL_MISSING.*gesture models add"):
-        find_model("rtmpose")
+        find_model("hpe0001")
+    with pytest.raises(ModelError, match=r"E_MODEL_MISSING.*'gesture models get rtmpose-s'"):
+        find_model("rtmpose-s")
     with pytest.raises(ModelError, match="E_NOT_FOUND"):
         find_model("no/such/file.onnx")
     with pytest.raises(ModelError, match="not a model file's"):

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from tiny_networks import FIGURE, GREY, dot_network, dot_picture
 
 from gesture_core.cli.main import run
 from gesture_core.errors import MediaError
-from gesture_core.report.overlay import around, draw_pose, overlay, side_colour, write_strip, write_video
+from gesture_core.report.overlay import cropped, draw_pose, overlay, side_colour, write_strip, write_video
 from gesture_core.skeletons import COCO18, SKELETONS
 from gesture_core.types import PoseSequence
 
@@ -153,20 +152,20 @@ def test_the_command_renders_a_video(
     assert "E_NO_PERSON" in capsys.readouterr().err
 
 
-def test_a_strip_shows_the_people_and_not_the_room(tmp_path: Path) -> None:
-    points = np.zeros((20, 18, 2), np.float32)
-    points[:, :, 0], points[:, :, 1] = np.linspace(500, 530, 18), np.linspace(300, 400, 18)
-    points[3, 2] = (5, 5)  # one joint that is far off
-    pose = PoseSequence(points, np.ones((20, 18)), np.arange(20) / 20)
-    box = around([pose])
-    assert box == (485, 285, 545, 415)
-    frames = [(n / 20, np.full((480, 640, 3), 90, np.uint8)) for n in range(20)]
-    assert write_strip(frames, tmp_path / "strip.png", box=box, pictures=4, height=130) == 20
-    picture = cv2.imread(str(tmp_path / "strip.png"))
-    assert picture is not None
-    assert picture.shape[:2] == (130, 4 * 60)
-    assert write_strip(frames, tmp_path / "strip.png", box=(900, 900, 950, 990)) == 20, (
-        "nobody in the picture"
-    )
-    nobody = PoseSequence(points * np.nan, np.zeros((20, 18)), np.arange(20) / 20)
-    assert around([nobody]) is None
+def test_tags_say_who_it_is_and_when() -> None:
+    given = frames((240, 320))
+    plain = [picture for _, picture in overlay(given, [pose()])]
+    tagged = [picture for _, picture in overlay(given, [pose(), pose(first=3)], ["0 wave 0.41", "1 Grüße"])]
+    assert all((one != other).any() for one, other in zip(plain, tagged, strict=True))
+    green = (np.array(tagged[0]) == (115, 158, 0)).all(axis=2)
+    assert green.any() and not (np.array(plain[0]) == (115, 158, 0)).all(axis=2).any()
+
+
+def test_a_strip_is_cropped_to_the_people() -> None:
+    given = frames((400, 600))
+    left, top, right, bottom = (int(edge) for edge in pose().box)
+    for _, picture in cropped(given, [pose()], margin=0.1):
+        assert picture.shape[0] < 1.3 * (bottom - top) + 4 and picture.shape[1] < right - left + 40
+    at = cropped([(0.0, np.arange(400 * 600 * 3, dtype=np.uint32).reshape(400, 600, 3))], [pose()], margin=0)
+    ((_, exact),) = at
+    assert exact[0, 0, 0] == (top * 600 + left) * 3

@@ -144,13 +144,15 @@ def test_sequences_of_one_file_are_told_apart_by_their_names(folder: Path) -> No
 def test_what_files_do_not_say_is_counted_as_assumed(folder: Path) -> None:
     for path in (folder / "videos" / "right.npz", folder / "examples" / "left" / "1.npz"):
         np.savez(path, keypoints=np.load(path)["keypoints"])
-    assert run(folder).assumed == {"30 frames/s (pose.fps)": 2}
-    assert run(folder, "again", pose__fps=20.0).assumed == {"20 frames/s (pose.fps)": 2}
+    assert run(folder).assumed == {"order=coco18, axes=xy, unit=pixels, fps=30": 2}
+    assert run(folder, "again", keypoints__fps=20.0).assumed == {"order=coco18, axes=xy, unit=pixels": 2}
     (folder / "videos" / "right.npz").unlink()
     done = gesture(
         "classify", folder / "videos", "--examples", folder / "examples", "--out", folder / "third"
     )
-    assert json.loads(done.stderr.splitlines()[-1])["assumed"] == {"30 frames/s (pose.fps)": 1}
+    assert json.loads(done.stderr.splitlines()[-1])["assumed"] == {
+        "order=coco18, axes=xy, unit=pixels, fps=30": 1
+    }
 
 
 def test_the_same_movement_in_another_file_under_another_label_is_said(folder: Path) -> None:

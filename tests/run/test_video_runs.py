@@ -66,8 +66,21 @@ def test_pixels_become_labels(network: Path, examples: Path, tmp_path: Path, bac
     found = rows(done.stdout)
     assert [row["label"] for row in found] == ["right", "left"], done.stderr
     assert [row["frames_read"] for row in found] == [50, 33]
+    assert [row["frames_looked_at"] for row in found] == [50, 33]
     assert found[0]["seconds"] == pytest.approx(49 / 20, abs=0.02)
     assert done.returncode == 0
+
+
+def test_a_row_says_how_many_frames_were_looked_at(network: Path, tmp_path: Path) -> None:
+    film(tmp_path / "videos" / "a.avi", 4, 50)
+    for rate, count in (("5", 13), ("5", 13), ("none", 50), ("0", 50), ("10", 25)):
+        done = gesture("extract", tmp_path / "videos", "--out", tmp_path / rate, "--model", network,
+                       "--set", f"pose.rate={rate}")  # fmt: skip
+        (row,) = rows(done.stdout)
+        assert (row["frames_read"], row["frames_looked_at"], row["frames_with_pose"]) == (50, count, count)
+        assert row["seconds"] == pytest.approx(49 / 20, abs=0.001), (
+            "as long as the video, not as what was seen"
+        )
 
 
 def test_a_cut_video_is_degraded_and_says_so(network: Path, examples: Path, tmp_path: Path) -> None:

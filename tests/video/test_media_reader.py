@@ -7,6 +7,7 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -14,7 +15,10 @@ from clips import FRAMES, KINDS, SIZE, make_clips, picture, write_clip
 
 from gesture_core.errors import ConfigError, MediaError, PluginError
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReport
-from gesture_core.video import open_video, reader_name
+from gesture_core.video import at_rate, open_video, pictures, reader_name
+
+if TYPE_CHECKING:
+    from av.video.frame import VideoFrame
 
 pytest.importorskip("av", reason="clips are made with PyAV")
 READERS = ("pyav", "opencv")
@@ -271,3 +275,83 @@ def test_readers_are_named() -> None:
         open_video("a.mp4", "auto", options={"pyav": {"threads": 2}, "opencv": {"threads": 2}})
     with pytest.raises(ConfigError):
         VideoLimits(max_frames=0)
+
+
+def looked_at(
+    path: Path, reader: str, rate: float | None
+) -> tuple[list[float], list[np.ndarray], VideoReport]:
+    with open_video(path, reader) as video:
+        items = list(at_rate(pictures(video), rate))
+        return [time for time, _ in items], [frame for _, frame in items], video.report
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_every_frame_counts_whether_it_is_looked_at_or_not(clips: Path, reader: str) -> None:
+    times, frames, whole = read(clips / "h264.mp4", reader)
+    some, few, report = looked_at(clips / "h264.mp4", reader, 5)
+    assert report == whole and report.frames_read == FRAMES
+    assert some == times[::5]
+    assert all(np.array_equal(a, b) for a, b in zip(few, frames[::5], strict=True))
+
+
+@pytest.mark.parametrize("rate", [None, 0.0, 25.0, 30.0])
+def test_no_rate_or_one_that_is_not_exceeded_looks_at_every_frame(clips: Path, rate: float | None) -> None:
+    assert looked_at(clips / "h264.mp4", "pyav", rate)[0] == read(clips / "h264.mp4", "pyav")[0]
+
+
+def test_what_is_looked_at_is_chosen_by_time_stamps(tmp_path: Path) -> None:
+    stamps = [0, 33, 67, 100, 133, 167, 200, 1000, 1001, 1002, 1066, 1067, 2500]
+    write_clip(tmp_path / "v.mkv", "mjpeg", frames=len(stamps), stamps=stamps)
+    times = looked_at(tmp_path / "v.mkv", "pyav", 15)[0]
+    np.testing.assert_allclose(times, [0, 0.067, 0.133, 0.2, 1.0, 1.066, 2.5], atol=1e-6)
+
+
+@pytest.mark.parametrize(("fps", "step"), [(29.97, 2), (30, 2), (59.94, 4), (60, 4), (15, 1), (14.985, 1)])
+def test_usual_rates_are_looked_at_in_even_steps(fps: float, step: int) -> None:
+    rounded = np.round(np.arange(300) / fps, 3)  # to milliseconds, as Matroska does
+    found = [time for time, _ in at_rate(((time, lambda: np.zeros(0)) for time in rounded.tolist()), 15)]
+    np.testing.assert_array_equal(found, rounded[::step][: len(found)])
+    assert len(found) >= 300 // step
+
+
+def test_no_stretch_has_more_frames_than_the_rate() -> None:
+    times = np.sort(np.random.default_rng(0).uniform(0, 20, 2000))
+    found = np.array([at for at, _ in at_rate(((at, lambda: np.zeros(0)) for at in times.tolist()), 8)])
+    assert 155 <= len(found) <= 161
+    assert all(np.sum((found >= start) & (found < start + 1)) <= 9 for start in found)
+
+
+def test_a_picture_that_is_not_looked_at_is_not_converted(
+    clips: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from gesture_video.pyav import PyAvDecoder
+
+    real, converted = PyAvDecoder._convert, []
+
+    def counting(self: PyAvDecoder, frame: VideoFrame, fatal: bool) -> np.ndarray | None:
+        converted.append(frame)
+        return real(self, frame, fatal)
+
+    monkeypatch.setattr(PyAvDecoder, "_convert", counting)
+    times = looked_at(clips / "h264.mp4", "pyav", 5)[0]
+    assert len(times) == len(converted) == -(-FRAMES // 5)
+
+
+def test_a_picture_that_cannot_be_converted_is_damage_and_the_next_one_is_looked_at(
+    clips: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from gesture_video.pyav import PyAvDecoder
+
+    real, seen = PyAvDecoder._convert, []
+
+    def fails_once(self: PyAvDecoder, frame: VideoFrame, fatal: bool) -> np.ndarray | None:
+        seen.append(frame)
+        if len(seen) == 2:
+            self.log.damage("cannot be converted")
+            return None
+        return real(self, frame, fatal)
+
+    monkeypatch.setattr(PyAvDecoder, "_convert", fails_once)
+    times, _, report = looked_at(clips / "h264.mp4", "pyav", 5)
+    np.testing.assert_allclose(times[:3], [0, 0.24, 0.4], atol=0.0011)
+    assert report.frames_read == FRAMES - 1 and not report.complete

@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import GestureError, PluginError, PoseError
+from gesture_core.plugin.interfaces import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
+from gesture_core.run.workers.keypoints import open_reader
 from gesture_core.run.workers.worker import Worker
 
 Answer = bool | tuple[str, str]
@@ -47,7 +49,7 @@ def try_model(worker: Worker) -> None:
     picture[80:95, 80:240] = (140, 170, 210)
     picture[150:230, 137:157] = picture[150:230, 163:183] = (120, 80, 50)
     with calling(backend):
-        answers = [backend.estimate([picture]) for _ in range(2)]
+        answers = [backend.estimate([picture], worker.settings.pose.people) for _ in range(2)]
     width = len(skeleton(backend.skeleton).joints)
     for answer in answers:
         if len(answer) != 1:
@@ -77,7 +79,7 @@ def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
     for path in paths:
         try:
             with calling(registry().find("reader", reader), passing=(OSError,)):
-                answers.append(bool(registry().make("reader", reader).accepts(decoded(path))))
+                answers.append(bool(open_reader(reader, worker.settings).accepts(decoded(path))))
         except GestureError as error:
             answers.append((error.code, error.cause))
         except OSError as error:
@@ -87,11 +89,18 @@ def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
     return answers
 
 
+def refusal(worker: Worker, reader: str, path: str) -> str:
+    """Why a reader does not take a file; empty where it does not say."""
+    with calling(registry().find("reader", reader), passing=(OSError,)):
+        opened = open_reader(reader, worker.settings)
+        return str(opened.refusal(decoded(path))) if isinstance(opened, ExplainsRefusal) else ""
+
+
 def members(worker: Worker, reader: str, path: str) -> list[str]:
     """Names of the sequences in a file or folder, one at least."""
     entry = registry().find("reader", reader)
     with calling(entry):
-        found = list(registry().make("reader", reader).members(decoded(path)))
+        found = list(open_reader(reader, worker.settings).members(decoded(path)))
     if not found or not all(isinstance(member, str) for member in found):
         cause = f"{entry} says that its members are {str(found)[:80]}"
         raise PluginError(cause, code="E_PLUGIN_CONTRACT")
@@ -170,7 +179,7 @@ def write_rows(worker: Worker, run: str, format: str, path: str) -> None:
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        try_model, extract, accepts, members, open_classifier, add_example, fit, open_fitted, decide,
+        try_model, extract, accepts, refusal, members, open_classifier, add_example, fit, open_fitted, decide,
         keep_distances, suffix, write_rows,
     )
 }  # fmt: skip

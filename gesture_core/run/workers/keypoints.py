@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
 from gesture_core.files import content_sha256, stamp, tree_sha256, without_cache
@@ -21,9 +21,33 @@ from gesture_core.types import Job, PoseSequence
 if TYPE_CHECKING:
     import numpy as np
 
-    from gesture_core.plugin.interfaces import PoseBackend
+    from gesture_core.plugin.interfaces import KeypointReader, PoseBackend, Video
+    from gesture_core.video.frames import Picture
 
 _REPORT_SECONDS = 0.5
+_OFTEN = 1 / 3
+"""Share of the frames from which other people are worth a note."""
+_OTHERS = (
+    "other people are visible in a third of the frames or more; the one who is seen best is taken "
+    "(pose.people=multi takes all)"
+)
+
+
+class Seen(NamedTuple):
+    """A person in an input: number, frames with a pose, seconds of the first and last of them, and where."""
+
+    person: int
+    frames: int
+    start: float
+    end: float
+    box: tuple[float, ...]
+
+    @classmethod
+    def of(cls, sequence: PoseSequence) -> Seen:
+        """The facts of a sequence with a pose."""
+        times = sequence.times[sequence.seen.any(axis=1)]
+        frames, first, last = len(times), float(times[0]), float(times[-1])
+        return cls(int(sequence.person), frames, first, last, sequence.box)
 
 
 @dataclass(frozen=True)
@@ -40,15 +64,17 @@ class Extracted:
         File name in the keypoint store; empty after an error.
     cached : bool
         The keypoints were already there.
-    people : tuple of (int, int)
-        Number of each person, and their frames with a pose.
+    people : tuple of Seen
     frames_declared : int or None
         What the container claims.
     frames_read : int
+        All of them, decoded.
+    frames_looked_at : int
+        Those of them in which people were looked for.
     complete : bool
         No frame is known to be lost.
     notes : tuple of str
-        What was wrong with the input, where anything was.
+        What was wrong with the input, or is worth knowing of it.
     assumed : str
         What the input does not say and its reader assumed, where anything was.
     seconds : float
@@ -64,9 +90,10 @@ class Extracted:
     stamp: str = ""
     stored: str = ""
     cached: bool = False
-    people: tuple[tuple[int, int], ...] = ()
+    people: tuple[Seen, ...] = ()
     frames_declared: int | None = None
     frames_read: int = 0
+    frames_looked_at: int = 0
     complete: bool = True
     notes: tuple[str, ...] = ()
     assumed: str = ""
@@ -79,7 +106,7 @@ class Extracted:
     @classmethod
     def from_tree(cls, tree: Mapping[str, Any]) -> Extracted:
         """The inverse of `asdict`, after JSON."""
-        people = tuple((person, frames) for person, frames in tree["people"])
+        people = tuple(Seen._make([*facts, tuple(box)]) for *facts, box in tree["people"])
         return cls(**{**tree, "notes": tuple(tree["notes"]), "people": people})
 
     def failed(self, error: GestureError, **changes: Any) -> Extracted:
@@ -171,33 +198,40 @@ class KeypointExtractor:
 
         limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
         with open_video(path, settings.pose.reader, limits, settings.options) as video:
-            frames = _Counted(video, self._report)
+            frames = _Looked(video, settings.pose.rate, self._report)
             with calling(registry().find("pose", settings.pose.backend), passing=(OSError,)):
                 sequences = extract_poses(
                     frames, backend, settings.pose.people, follow=settings.pose.follow, source=str(path)
                 )
             report = video.report
+        others = sum(int(sequence.provenance.get("others", 0)) for sequence in sequences)
         frames.flush()
         return sequences, {
             "frames_declared": None if report.frames_declared is None else int(report.frames_declared),
             "frames_read": int(report.frames_read),
+            "frames_looked_at": frames.count,
             "complete": bool(report.complete),
-            "notes": [str(note) for note in report.notes],
+            "notes": [
+                *map(str, report.notes),
+                *([_OTHERS] if others >= max(1, report.frames_read * _OFTEN) else []),
+            ],
             "seconds": frames.seconds,
         }
 
     def _from_reader(self, path: Path, member: str, name: str) -> tuple[list[PoseSequence], dict[str, Any]]:
+        from gesture_core.pose.plausible import check_plausible
+
         pose, known = self._settings.pose, {}
         sequences: list[PoseSequence]
+        odd: list[str] = []
         if name == "store":
             stored = read_keypoints(path)
             sequences, known = stored.sequences, dict(stored.facts)
         else:
-            shared = {"fps": pose.fps, "people": pose.people}
-            options = {key: one for key, one in shared.items() if registry().takes("reader", name, key)}
-            reader = registry().make("reader", name, options | self._settings.plugin_options(name))
+            reader = open_reader(name, self._settings)
             with calling(registry().find("reader", name), passing=(OSError,)):
                 sequences = [_checked(sequence) for sequence in reader.read(path, member)]
+            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
         if pose.people == "single" and len(sequences) > 1:
@@ -214,11 +248,13 @@ class KeypointExtractor:
                 code="E_KEYPOINTS_LIMIT",
             )
         seconds = max((float(s.times[-1] - s.times[0]) for s in sequences if len(s)), default=0.0)
+        lost = sorted({s.provenance["lost"] for s in sequences if "lost" in s.provenance})
         facts: dict[str, Any] = {
             "frames_declared": None,
             "frames_read": frames,
-            "complete": True,
-            "notes": [],
+            "frames_looked_at": frames,
+            "complete": not lost,
+            "notes": list(dict.fromkeys([*lost, *(note for one in sequences for note in _notes(one)), *odd])),
             "seconds": seconds,
             "assumed": str(sequences[0].provenance.get("assumed", "")) if sequences else "",
         }
@@ -237,10 +273,23 @@ class KeypointExtractor:
         return open_backend(self._settings, self._job.threads)
 
 
+def open_reader(name: str, settings: Settings) -> KeypointReader:
+    """A keypoint reader with what the settings say of its files."""
+    offered = {"options": settings.keypoints, "people": settings.pose.people}
+    taken = {key: one for key, one in offered.items() if registry().takes("reader", name, key)}
+    reader: KeypointReader = registry().make("reader", name, settings.plugin_options(name), **taken)
+    return reader
+
+
 def _checked(sequence: object) -> PoseSequence:
     if not isinstance(sequence, PoseSequence):
         raise TypeError(f"{type(sequence).__name__} instead of a PoseSequence")
     return sequence
+
+
+def _notes(sequence: PoseSequence) -> list[str]:
+    """The clauses of what its reader noted."""
+    return [note for note in sequence.provenance.get("notes", "").split("; ") if note]
 
 
 def _above(sequence: PoseSequence, score: float) -> PoseSequence:
@@ -252,33 +301,50 @@ def _above(sequence: PoseSequence, score: float) -> PoseSequence:
 
 
 def _with_facts(found: Extracted, sequences: list[PoseSequence], facts: Mapping[str, Any]) -> Extracted:
-    names = ("frames_declared", "frames_read", "complete", "seconds")
+    names = ("frames_declared", "frames_read", "frames_looked_at", "complete", "seconds")
     return replace(
         found,
-        people=tuple((int(sequence.person), sequence.frames_with_pose) for sequence in sequences),
+        people=tuple(map(Seen.of, sequences)),
         notes=tuple(facts["notes"]),
         assumed=facts.get("assumed", ""),
         **{name: facts[name] for name in names},
     )
 
 
-class _Counted:
-    """Frames on their way to the network, counted for the progress report."""
+class _Looked:
+    """The frames of a video that are looked at, and what passes on the way, for the progress report.
 
-    def __init__(
-        self, frames: Iterable[tuple[float, np.ndarray]], report: Callable[[dict[str, Any]], None]
-    ) -> None:
-        self._frames = frames
+    Attributes
+    ----------
+    seconds : float
+        From the first frame to the latest.
+    count : int
+        Frames that were looked at.
+    """
+
+    def __init__(self, video: Video, rate: float | None, report: Callable[[dict[str, Any]], None]) -> None:
+        self._video = video
+        self._rate = rate
         self._report = report
         self._unreported = 0
         self.seconds = 0.0
+        self.count = 0
 
     def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
+        from gesture_core.video import at_rate
+
+        for frame in at_rate(self._passing(), self._rate):
+            self.count += 1
+            yield frame
+
+    def _passing(self) -> Iterator[Picture]:
+        from gesture_core.video import pictures
+
         reported, first = time.monotonic(), None
-        for at, frame in self._frames:
+        for at, convert in pictures(self._video):
             first = at if first is None else first
             self.seconds = float(at - first)
-            yield at, frame
+            yield at, convert
             self._unreported += 1
             if time.monotonic() - reported > _REPORT_SECONDS:
                 self.flush()

@@ -10,8 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from numba import config, njit
-from numba.core.event import Event, Listener, register
+from numba import njit
+from numba.core import config, event
 
 LANES = 32
 """Warpings that advance together: two AVX-512 or four AVX2 registers of float32."""
@@ -28,6 +28,10 @@ def sources() -> int:
     return checksum
 
 
+_numba: Any = config
+"""Its settings, which its package declares while it is imported."""
+
+
 def compiled(function: Callable[..., None], **more: Any) -> Callable[..., None]:
     """Compile ``function`` to run without the interpreter's lock, and keep the machine code on disk.
 
@@ -39,16 +43,16 @@ def compiled(function: Callable[..., None], **more: Any) -> Callable[..., None]:
     """
     function.__qualname__ = f"{function.__qualname__}_{sources():08x}"
     options = {"nogil": True, "error_model": "numpy", **more}
-    own, before = os.environ.get("GESTURE_CACHE"), config.CACHE_DIR
+    own, before = os.environ.get("GESTURE_CACHE"), _numba.CACHE_DIR
     if own and not before and not os.access(Path(__file__).parent, os.W_OK):
-        config.CACHE_DIR = os.path.join(own, "numba")
+        _numba.CACHE_DIR = str(Path(own) / "numba")
     try:
         dispatcher = njit(function, cache=True, **options)
         _forgive(dispatcher._cache)
     except RuntimeError:  # no cache folder can be written
         dispatcher = njit(function, **options)
     finally:
-        config.CACHE_DIR = before
+        _numba.CACHE_DIR = before
     result: Callable[..., None] = dispatcher
     return result
 
@@ -67,21 +71,21 @@ def _forgive(kept: Any) -> None:
     kept.load_overload = load_or_forget
 
 
-class _Said(Listener):
+class _Said(event.Listener):
     """Says, once in a process, what a user waits for."""
 
     said = False
 
-    def on_start(self, event: Event) -> None:
-        mine = event.data["dispatcher"].py_func.__module__.startswith(__package__ or "")
+    def on_start(self, started: event.Event) -> None:
+        mine = started.data["dispatcher"].py_func.__module__.startswith(__package__ or "")
         if mine and not self.said:
             self.said = True
             logging.getLogger("gesture_core").warning(
                 "compiling the distance kernel for these settings, once on this machine: about ten seconds"
             )
 
-    def on_end(self, event: Event) -> None:
+    def on_end(self, ended: event.Event) -> None:
         """Nothing to say."""
 
 
-register("numba:compile", _Said())
+event.register("numba:compile", _Said())  # type: ignore[no-untyped-call]

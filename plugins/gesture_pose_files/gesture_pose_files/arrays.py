@@ -8,26 +8,27 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
+from gesture_core.plugin.reading import ReadOptions
+from gesture_core.skeletons import Skeleton
 from gesture_core.types import PoseSequence
 from gesture_pose_files.files import (
     COPY_AGAIN,
     MAX_ARRAY_BYTES,
     MAX_MEMBERS,
-    check_options,
-    check_size,
     head_of,
     open_keypoints,
 )
-from gesture_pose_files.layout import Units, check_seconds, sequence
+from gesture_pose_files.layout import check_seconds, sequence, skeleton_called
 from gesture_pose_files.npy import read_array, read_header
 
+_PICKLES = (".pkl", ".pickle", ".joblib")
 _NPY_MAGIC = b"\x93NUMPY"
 _ZIP_MAGIC = b"PK\x03\x04"
 _MAX_FILE_BYTES = 2 << 30
@@ -45,19 +46,11 @@ class ArrayReader:
 
     Attributes
     ----------
-    fps : float
-        Frames a second where the file holds no times.
-    frame_size : (width, height)
-        The picture that MediaPipe's x and y, shares of width and height, are multiplied with. The
-        file does not say; only the ratio of the two changes a gesture, 4:3 by default.
+    options : ReadOptions
+        What files leave open. Our own archives name their joints, and say x first.
     """
 
-    fps: float = 30.0
-    frame_size: tuple[int, int] = (640, 480)
-
-    def __post_init__(self) -> None:
-        check_options(self.fps, "single")
-        object.__setattr__(self, "frame_size", check_size(self.frame_size))
+    options: ReadOptions = field(default_factory=ReadOptions)
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is called ``.npy`` or ``.npz`` and begins like one."""
@@ -65,6 +58,15 @@ class ArrayReader:
         if suffix == ".npy":
             return head_of(path, 6) == _NPY_MAGIC
         return suffix == ".npz" and head_of(path, 4) == _ZIP_MAGIC
+
+    def refusal(self, path: Path) -> str:
+        """That pickles are not opened, or that the file is none of NumPy's."""
+        if path.suffix.lower() in _PICKLES:
+            return (
+                "pickles are not opened, for they can run any code; save what it holds once, with "
+                "np.savez('clip.npz', keypoints=…, scores=…), or a folder of such files"
+            )
+        return f"it does not begin as NumPy's files do, but with {head_of(path, 12)!r}"
 
     def members(self, path: Path) -> list[str]:
         """Names of the sequences in ``path``; ``[""]`` where it holds one."""
@@ -84,23 +86,20 @@ class ArrayReader:
             `E_KEYPOINTS_LIMIT`, `E_KEYPOINTS_MEMBER`, and those of `files.open_keypoints`.
         """
         source = printable(path) + (f"::{member}" if member else "")
-        units = Units(self.fps, self.frame_size)
         if head_of(path, 4) == _ZIP_MAGIC:
             with _archive(path) as archive:
-                return [self._from_archive(archive, path, member, units, source)]
+                return [self._from_archive(archive, path, member, source)]
         if member:
             raise KeypointError(
                 f"is one array, it has no member {member!r}", subject=source, code="E_KEYPOINTS_MEMBER"
             )
         with open_keypoints(path, _MAX_FILE_BYTES) as file:
-            return [sequence(read_array(file, source), units, source=source, reader="arrays")]
+            return [sequence(read_array(file, source), self.options, source=source, reader="arrays")]
 
-    def _from_archive(
-        self, archive: zipfile.ZipFile, path: Path, member: str, units: Units, source: str
-    ) -> PoseSequence:
+    def _from_archive(self, archive: zipfile.ZipFile, path: Path, member: str, source: str) -> PoseSequence:
         keys = _keys(archive, path)
         if not member and "keypoints" in keys:
-            return _own_archive(archive, keys, units, source)
+            return _own_archive(archive, keys, self.options, source)
         if not member:
             names = _sequence_names(archive, path)
             member = names[0] if len(names) == 1 else ""
@@ -112,11 +111,11 @@ class ArrayReader:
                 remedy=f"one of {shown}" if keys else "arrays of keypoints",
                 code="E_KEYPOINTS_MEMBER",
             )
-        return sequence(_array(archive, keys[member], source), units, source=source, reader="arrays")
+        return sequence(_array(archive, keys[member], source), self.options, source=source, reader="arrays")
 
 
 def _own_archive(
-    archive: zipfile.ZipFile, keys: dict[str, zipfile.ZipInfo], units: Units, source: str
+    archive: zipfile.ZipFile, keys: dict[str, zipfile.ZipInfo], options: ReadOptions, source: str
 ) -> PoseSequence:
     points = _array(archive, keys["keypoints"], source)
     scores = _array(archive, keys["scores"], source) if "scores" in keys else None
@@ -135,10 +134,10 @@ def _own_archive(
         )
     if times is not None:
         check_seconds(times, source)
-    kind = None
+    body: Skeleton | None = None
     if "skeleton" in keys:
         text = _array(archive, keys["skeleton"], source, kinds="U")
-        kind = str(text.reshape(-1)[0])[:_MAX_NAME_CHARS] if text.size == 1 else "?"
+        body = skeleton_called(str(text.reshape(-1)[0])[:_MAX_NAME_CHARS] if text.size == 1 else "?", source)
     size = None
     if "frame_size" in keys:
         pair = _array(archive, keys["frame_size"], source).reshape(-1)
@@ -146,12 +145,13 @@ def _own_archive(
             size = (int(pair[0]), int(pair[1]))
     return sequence(
         points,
-        units,
+        options,
         source=source,
         reader="arrays",
         scores=scores,
         times=times,
-        kind=kind,
+        body=body,
+        axes="xy" if body else None,
         frame_size=size,
     )
 

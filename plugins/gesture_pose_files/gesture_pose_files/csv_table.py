@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO
 
@@ -12,22 +12,24 @@ import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
-from gesture_core.skeletons import SKELETONS, Skeleton
+from gesture_core.plugin.reading import ReadOptions
+from gesture_core.skeletons import SKELETONS, Skeleton, skeleton_of
 from gesture_core.types import PoseSequence
 from gesture_pose_files.files import (
     MAX_CSV_BYTES,
     MAX_FRAMES,
-    check_options,
+    check_people,
     head_of,
     open_keypoints,
 )
-from gesture_pose_files.layout import FLAT_WIDTHS, Units, check_seconds, sequence
+from gesture_pose_files.layout import check_seconds, flat_widths, sequence
 
 _HEAD_BYTES = 1 << 14
 _MAX_LINE = 1 << 16
 _SUFFIXES = (".csv", ".tsv")
 _PARTS = ("_x", "_y", "_score")
 _MIN_JOINTS = 2
+_SHOWN = 100
 
 
 @dataclass(frozen=True)
@@ -42,17 +44,17 @@ class CsvReader:
 
     Attributes
     ----------
-    fps : float
-        Frames a second where the table holds no times.
+    options : ReadOptions
+        What tables leave open; a header names the joints, and which column is x.
     people : "single" or "multi"
         Of a table with the column ``person``: the person whose scores sum to the most, or everybody.
     """
 
-    fps: float = 30.0
+    options: ReadOptions = field(default_factory=ReadOptions)
     people: str = "single"
 
     def __post_init__(self) -> None:
-        check_options(self.fps, self.people)
+        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether the first line of a ``.csv`` or ``.tsv`` is a row of keypoints or names them."""
@@ -62,7 +64,16 @@ class CsvReader:
         if not lines:
             return False
         cells = _cells(lines[0], _delimiter(lines[0]))
-        return _is_bare(cells) or _columns(cells) is not None
+        return _is_bare(cells, self.options) or _columns(cells) is not None
+
+    def refusal(self, path: Path) -> str:
+        """The header, which names no joints."""
+        lines = head_of(path, _HEAD_BYTES).decode("utf-8-sig", "replace").splitlines()
+        header = next((line for line in lines if line.strip()), "")
+        if not header:
+            return "it is empty"
+        shown = printable(header[:_SHOWN]) + ("…" if len(header) > _SHOWN else "")
+        return f"its header {shown!r} names no joints, and is no row of keypoints"
 
     def members(self, path: Path) -> list[str]:
         """``[""]``: a table is one sequence."""
@@ -80,15 +91,14 @@ class CsvReader:
         source = printable(path)
         if member:
             raise KeypointError(f"has no member {member!r}", subject=source, code="E_KEYPOINTS_MEMBER")
-        units = Units(self.fps)
         with open_keypoints(path, MAX_CSV_BYTES) as file:
             rows = _rows(file, source)
             first = next(rows, None)
             if first is None:
                 raise KeypointError("holds no row", subject=source, code="E_KEYPOINTS_EMPTY")
-            if _is_bare(first):
+            if _is_bare(first, self.options):
                 table = _numbers([first], rows, len(first), source)
-                return [sequence(table, units, source=source, reader="csv")]
+                return [sequence(table, self.options, source=source, reader="csv")]
             columns = _columns(first)
             if columns is None:
                 raise KeypointError(
@@ -98,9 +108,9 @@ class CsvReader:
                     code="E_KEYPOINTS_FORMAT",
                 )
             table = _numbers([], rows, len(first), source)
-        return self._named(table, columns, units, source)
+        return self._named(table, columns, source)
 
-    def _named(self, table: np.ndarray, columns: _Columns, units: Units, source: str) -> list[PoseSequence]:
+    def _named(self, table: np.ndarray, columns: _Columns, source: str) -> list[PoseSequence]:
         if len(table) == 0:
             raise KeypointError("holds a header and no row", subject=source, code="E_KEYPOINTS_EMPTY")
         if np.isinf(table).any():
@@ -114,7 +124,7 @@ class CsvReader:
             groups = [table[numbers == number] for number in np.unique(numbers[~np.isnan(numbers)])]
             if not groups:
                 raise KeypointError("names no person", subject=source, code="E_KEYPOINTS_VALUE")
-        found = [columns.sequence(group, units, source, index) for index, group in enumerate(groups)]
+        found = [columns.sequence(group, self.options, source, index) for index, group in enumerate(groups)]
         if self.people == "multi":
             return found
         return [replace(max(found, key=lambda one: float(one.scores.sum())), person=0)]
@@ -132,7 +142,7 @@ class _Columns:
     frame: int | None
     person: int | None
 
-    def sequence(self, table: np.ndarray, units: Units, source: str, person: int) -> PoseSequence:
+    def sequence(self, table: np.ndarray, options: ReadOptions, source: str, person: int) -> PoseSequence:
         points = np.stack([_take(table, self.x), _take(table, self.y)], axis=2)
         scores = None
         if any(column is not None for column in self.score):
@@ -141,13 +151,14 @@ class _Columns:
             scores = np.where(np.isnan(scores) & ~np.isnan(points).any(axis=2), 1.0, scores)
         return sequence(
             points,
-            units,
+            options,
             source=source,
             reader="csv",
             scores=scores,
             times=table[:, self.time] if self.time is not None else None,
             numbers=table[:, self.frame] if self.frame is not None else None,
-            kind=self.skeleton.name,
+            body=self.skeleton,
+            axes="xy",
             person=person,
         )
 
@@ -169,15 +180,15 @@ def _columns(cells: Sequence[str]) -> _Columns | None:
     joints = [name[:-2] for name in names if name.endswith("_x") and name[:-2] + "_y" in where]
     if len(joints) < _MIN_JOINTS:
         return None
-    body = next((kind for kind in SKELETONS.values() if set(joints) <= set(kind.joints)), None)
-    if body is None:
+    if not set(joints) <= {joint for kind in SKELETONS.values() for joint in kind.joints}:
         return None
+    body = skeleton_of(joints)
     x, y, score = (tuple(where.get(joint + part) for joint in body.joints) for part in _PARTS)
     return _Columns(body, x, y, score, where.get("time"), where.get("frame"), where.get("person"))
 
 
-def _is_bare(cells: Sequence[str]) -> bool:
-    return len(cells) in FLAT_WIDTHS and all(_is_number(cell) for cell in cells)
+def _is_bare(cells: Sequence[str], options: ReadOptions) -> bool:
+    return len(cells) in flat_widths(options) and all(_is_number(cell) for cell in cells)
 
 
 def _is_number(cell: str) -> bool:

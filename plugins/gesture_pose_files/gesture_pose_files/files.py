@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -13,6 +12,7 @@ from gesture_core.files import open_regular, printable
 MAX_FRAMES = 500_000
 MAX_ARRAY_BYTES = 128 << 20
 MAX_JSON_BYTES = 2 << 20
+MAX_LIST_BYTES = 128 << 20
 MAX_CSV_BYTES = 512 << 20
 MAX_MEMBERS = 20_000
 _CODES = ("E_KEYPOINTS_MISSING", "E_KEYPOINTS_UNREADABLE", "E_KEYPOINTS_LIMIT")
@@ -62,17 +62,7 @@ def head_of(path: Path, count: int) -> bytes:
         ) from error
 
 
-def check_size(frame_size: Sequence[int]) -> tuple[int, int]:
-    """``frame_size`` as (width, height); refused where no picture can have it."""
-    size = tuple(frame_size)
-    if len(size) != 2 or not all(isinstance(side, int) and 0 < side < 1 << 20 for side in size):
-        raise ValueError(f"frame_size is {frame_size!r}, it must be two whole numbers of pixels")
-    return size[0], size[1]
-
-
-def check_options(fps: float, people: str) -> None:
-    """Refuse options that no reader can honour."""
-    if not 0 < fps < 100_000:
-        raise ValueError(f"fps is {fps!r}, it must be above zero")
+def check_people(people: str) -> None:
+    """Refuse what no reader can honour."""
     if people not in ("single", "multi"):
         raise ValueError(f"people is {people!r}, it must be 'single' or 'multi'")

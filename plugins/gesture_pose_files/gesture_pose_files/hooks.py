@@ -8,19 +8,53 @@ def register_keypoint_readers(register: Register) -> None:
     register(
         "openpose-json",
         "gesture_pose_files.openpose_json:OpenPoseJsonReader",
-        summary="a folder of OpenPose *_keypoints.json files, versions 0.1 to 1.3",
+        summary="a folder of OpenPose JSON, one numbered file a frame, versions 0.1 to 1.3",
         suffixes=(".json",),
         folders=True,
+    )
+    register(
+        "result-list",
+        "gesture_pose_files.result_list:ResultListReader",
+        summary="one JSON file a clip, as AlphaPose, COCO's tools and MMPose write it",
+        suffixes=(".json",),
     )
     register(
         "arrays",
         "gesture_pose_files.arrays:ArrayReader",
         summary="keypoints in .npz or .npy arrays, COCO, BODY_25, MPI or MediaPipe layout",
-        suffixes=(".npy", ".npz"),
+        suffixes=(".npy", ".npz", ".pkl", ".pickle", ".joblib"),
     )
     register(
         "csv",
         "gesture_pose_files.csv_table:CsvReader",
         summary="keypoints in CSV, with or without a header",
         suffixes=(".csv", ".tsv"),
+    )
+    register(
+        "deeplabcut-csv",
+        "gesture_pose_files.deeplabcut:DeepLabCutCsvReader",
+        summary="the CSV files of DeepLabCut, of one individual or several",
+        suffixes=(".csv", ".tsv"),
+    )
+    register(
+        "hdf5",
+        "gesture_pose_files.hdf5:Hdf5Reader",
+        needs=("h5py",),
+        extra="hdf5",
+        summary="analysis files of SLEAP and tables of DeepLabCut in HDF5",
+        suffixes=(".h5", ".hdf5"),
+    )
+    register(
+        "pose-format",
+        "gesture_pose_files.pose_format_file:PoseFormatReader",
+        needs=("pose_format",),
+        extra="pose-format",
+        summary="the .pose files of pose-format",
+        suffixes=(".pose",),
+    )
+    register(
+        "trc",
+        "gesture_pose_files.trc:TrcReader",
+        summary="marker files of Sports2D and Pose2Sim (OpenSim's .trc)",
+        suffixes=(".trc",),
     )

@@ -2,134 +2,149 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_core.skeletons import BLAZEPOSE33, BODY25, COCO17, COCO18, MPI15, SKELETONS, Skeleton
+from gesture_core.plugin.reading import Axes, ReadOptions, Unit
+from gesture_core.skeletons import (
+    BLAZEPOSE33,
+    BODY25,
+    COCO17,
+    COCO18,
+    HALPE26,
+    MPI15,
+    SKELETONS,
+    Skeleton,
+    to_coco18,
+)
 from gesture_core.types import PoseSequence
 
 BY_COUNT: Mapping[int, Skeleton] = {
-    len(kind.joints): kind for kind in (MPI15, COCO17, COCO18, BODY25, BLAZEPOSE33)
+    len(kind.joints): kind for kind in (MPI15, COCO17, COCO18, BODY25, HALPE26, BLAZEPOSE33)
 }
 # Width of a flat row -> (joints, values a joint); no two layouts share a width.
-_FLAT = {joints * values: (joints, values) for joints in BY_COUNT for values in (2, 3, 4)}
-FLAT_WIDTHS = frozenset(_FLAT)
-_FORMS = "(T, J, 2|3|4) or (T, 2J|3J|4J) with J of 15, 17, 18, 25 or 33"
-# MediaPipe's x and y are shares of width and height; a joint lies at most this far outside the picture.
+_VALUES = (2, 3, 4)
+_FLAT = {joints * values: (joints, values) for joints in BY_COUNT for values in _VALUES}
+_FORMS = "(T, J, 2|3|4) or (T, 2J|3J|4J) with J of 15, 17, 18, 25, 26 or 33"
+# Of shares of width and height: a joint lies at most this far outside the picture, and few lie left of it
+# or above it: none in half of MediaPipe's files, 3 % in the worst; 36 % or more where the neck is the origin.
 _LARGEST_SHARE = 5.0
+_LARGEST_NEGATIVE = 0.2
 # Seconds from frame to frame: a gesture is over before the next frame, or these are no seconds.
 _LONGEST_STEP = 1.0
 
 
-@dataclass(frozen=True)
-class Units:
-    """What a file does not say: frames a second, and the picture that MediaPipe's shares are of."""
-
-    fps: float = 30.0
-    frame_size: tuple[int, int] = (640, 480)
-
-
-def fits(shape: tuple[int, ...]) -> bool:
+def fits(shape: tuple[int, ...], options: ReadOptions) -> bool:
     """Whether an array of ``shape`` may be a sequence of keypoints."""
     if len(shape) == 3:
-        return shape[1] in BY_COUNT and shape[2] in (2, 3, 4)
-    return len(shape) == 2 and shape[1] in _FLAT
+        joints = BY_COUNT if options.skeleton is None else {len(options.skeleton.joints)}
+        return shape[1] in joints and shape[2] in _VALUES
+    return len(shape) == 2 and shape[1] in flat_widths(options)
+
+
+def flat_widths(options: ReadOptions) -> Mapping[int, tuple[int, int]]:
+    """(joints, values a joint) by the width of a flat row."""
+    if options.skeleton is None:
+        return _FLAT
+    joints = len(options.skeleton.joints)
+    return {joints * values: (joints, values) for values in _VALUES}
 
 
 def sequence(
     array: np.ndarray,
-    units: Units,
+    options: ReadOptions,
     *,
     source: str,
     reader: str,
     scores: np.ndarray | None = None,
     times: np.ndarray | None = None,
     numbers: np.ndarray | None = None,
-    kind: str | None = None,
+    body: Skeleton | None = None,
+    axes: Axes | None = None,
+    unit: Unit | None = None,
     frame_size: tuple[int, int] | None = None,
     person: int = 0,
+    notes: Sequence[str] = (),
 ) -> PoseSequence:
-    """One sequence from an array of any known layout.
+    """One sequence from an array of any known layout, in what the file and the options say it is.
 
     Parameters
     ----------
     array : (T, J, 2|3|4) or (T, 2J|3J|4J) array
         x, y; x, y, score; or x, y, z, score. NaN, a score of zero, or without scores zero in x and y,
         where missing. With 33 joints (MediaPipe) a third value of three is a score only if all of
-        them are in 0..1 and not all zero.
-    units : Units
+        them are in 0..1 and not all zero; in metres it is a depth.
+    options : ReadOptions
+        What counts where the file does not say it.
     source, reader : str
         The input as the user named it, and the plugin that reads it.
     scores : (T, J) array, optional
     times : (T,) array, optional
-        Seconds; index over `units.fps` where absent.
+        Seconds; index over the rate where absent.
     numbers : (T,) array, optional
-        Of the frames, where their times are these over `units.fps`.
-    kind : str, optional
-        Name of the skeleton; by the number of joints where absent.
-    frame_size : (width, height), optional
+        Of the frames, where their times are these over the rate.
+    body, axes, frame_size : optional
+        What the file itself says of its joints, the order of coordinates, and the picture.
+    unit : "pixels" or "shares", optional
+        What the reader found, where it has seen more than this one person.
     person : int
+    notes : sequence of str
+        What the reader left out or put right.
 
     Raises
     ------
     KeypointError
-        `E_KEYPOINTS_SHAPE`, `E_KEYPOINTS_VALUE`, `E_KEYPOINTS_EMPTY`, `E_KEYPOINTS_TIMES`,
-        `E_KEYPOINTS_SKELETON`.
+        `E_KEYPOINTS_SHAPE`, `E_KEYPOINTS_VALUE`, `E_KEYPOINTS_EMPTY`, `E_KEYPOINTS_TIMES`.
     """
-    array = _three_axes(array, source)
+    array = _three_axes(array, options, body, source)
     if len(array) == 0:
         raise KeypointError("holds no frame", subject=source, code="E_KEYPOINTS_EMPTY")
-    body = _body(kind, source) if kind else BY_COUNT[array.shape[1]]
+    joints = body or options.skeleton or BY_COUNT[array.shape[1]]
     with np.errstate(over="ignore"):
         values = np.asarray(array, np.float32)
     if np.isinf(values).any():
         raise KeypointError("holds an infinite value", subject=source, code="E_KEYPOINTS_VALUE")
-    points = values[..., :2]
+    said = axes or options.axes or "xy"
+    points = values[..., 1::-1] if said == "yx" else values[..., :2]
     if scores is None:
-        scores = _scores(values, body, source)
+        scores = _scores(values, joints, options, source)
     provenance = {"reader": reader}
-    assumed = []
     if times is None:
         of_what = "index" if numbers is None else "frame numbers"
-        times = (np.arange(len(points)) if numbers is None else numbers) / units.fps
-        provenance["times"] = f"{of_what} at {units.fps:g} frames/s"
-        assumed.append(assumed_rate(units.fps))
-    missing = _missing(points, scores, body)
+        times = (np.arange(len(points)) if numbers is None else numbers) / options.rate
+        provenance["times"] = f"{of_what} at {options.rate:g} frames/s"
+    missing = _missing(points, scores, joints)
     points = np.where(missing[..., None], np.float32(np.nan), points)
-    if body is BLAZEPOSE33 and are_shares(points):
-        size = frame_size or units.frame_size
+    if said == "x-y":
+        points = points * np.array([1, -1], np.float32)
+    unit = options.unit or unit or ("shares" if are_shares(points) else "pixels")
+    size = frame_size or options.picture if unit == "shares" else None
+    if size:
         points = points * np.array(size, np.float32)
         provenance["scaled"] = f"shares of {size[0]} x {size[1]} pixels"
-        if frame_size is None:
-            assumed.append(assumed_picture(size))
-    if assumed:
-        provenance["assumed"] = ", ".join(assumed)
-    return PoseSequence(
-        points,
-        np.ones(points.shape[:2], np.float32) if scores is None else scores,
-        times,
-        body.name,
-        frame_size,
-        person,
-        source,
-        provenance,
+    if unit == "metres":
+        provenance["unit"] = unit
+    provenance["assumed"] = options.assumed(
+        order="" if body else joints.name,
+        axes="" if axes else said,
+        unit=unit,
+        frame_size=None if frame_size else size,
+        fps=options.rate if "times" in provenance else math.nan,
     )
+    if notes:
+        provenance["notes"] = "; ".join(notes)
+    if scores is None:
+        scores = np.ones(points.shape[:2], np.float32)
+    if joints.name not in SKELETONS:  # of the file's own choice; what lies beyond COCO-18 is not compared
+        points, scores = to_coco18(points, scores, joints)
+        joints = COCO18
+    return PoseSequence(points, scores, times, joints.name, frame_size, person, source, provenance)
 
 
-def assumed_rate(fps: float) -> str:
-    """What the provenance says of a file without times."""
-    return f"{fps:g} frames/s (pose.fps)"
-
-
-def assumed_picture(size: tuple[int, int]) -> str:
-    """What the provenance says of shares of a picture whose size the file does not state."""
-    return f"a picture of {size[0]} x {size[1]} (frame_size)"
-
-
-def check_seconds(times: np.ndarray, source: str) -> None:
+def check_seconds(times: np.ndarray, source: str, *, remedy: str = "dividing milliseconds by 1000") -> None:
     """Refuse times, in any order, that can be no seconds: E_KEYPOINTS_TIMES."""
     given = np.asarray(times, np.float64)
     steps = np.diff(np.unique(given[np.isfinite(given)]))
@@ -138,35 +153,45 @@ def check_seconds(times: np.ndarray, source: str) -> None:
         raise KeypointError(
             f"its frames are {usual:g} s apart, which shows no movement; times are in seconds",
             subject=source,
-            remedy="dividing milliseconds by 1000",
+            remedy=remedy,
             code="E_KEYPOINTS_TIMES",
         )
 
 
-def _body(kind: str, source: str) -> Skeleton:
-    if kind not in SKELETONS:
+def skeleton_called(name: str, source: str) -> Skeleton:
+    """The skeleton that a file names; E_KEYPOINTS_SKELETON for an unknown one."""
+    if name not in SKELETONS:
         raise KeypointError(
-            f"names the skeleton {kind!r}, which is unknown",
+            f"names the skeleton {name!r}, which is unknown",
             subject=source,
             remedy=f"one of {', '.join(SKELETONS)}",
             code="E_KEYPOINTS_SKELETON",
         )
-    return SKELETONS[kind]
+    return SKELETONS[name]
 
 
-def _three_axes(array: np.ndarray, source: str) -> np.ndarray:
-    if not fits(array.shape):
+def _three_axes(array: np.ndarray, options: ReadOptions, body: Skeleton | None, source: str) -> np.ndarray:
+    if (
+        body
+        and array.ndim == 3
+        and array.shape[1:] == (len(body.joints), array.shape[2])
+        and 2 <= array.shape[2] <= 4
+    ):
+        return array
+    if not fits(array.shape, options):
+        order = options.skeleton
+        wanted = _FORMS if order is None else f"(T, {len(order.joints)}, 2|3|4), as keypoints.order says"
         raise KeypointError(
             f"an array of shape {array.shape} is of no known keypoint layout",
             subject=source,
-            remedy=_FORMS,
+            remedy=f"{wanted}, or keypoints.order with its joints",
             code="E_KEYPOINTS_SHAPE",
         )
-    return array if array.ndim == 3 else array.reshape(len(array), *_FLAT[array.shape[1]])
+    return array if array.ndim == 3 else array.reshape(len(array), *flat_widths(options)[array.shape[1]])
 
 
-def _scores(values: np.ndarray, body: Skeleton, source: str) -> np.ndarray | None:
-    if values.shape[2] == 2:
+def _scores(values: np.ndarray, body: Skeleton, options: ReadOptions, source: str) -> np.ndarray | None:
+    if values.shape[2] == 2 or (values.shape[2] == 3 and options.unit == "metres"):
         return None
     last = values[..., -1]
     low, high = (float(np.nanmin(last)), float(np.nanmax(last))) if not np.isnan(last).all() else (0.0, 0.0)
@@ -177,7 +202,7 @@ def _scores(values: np.ndarray, body: Skeleton, source: str) -> np.ndarray | Non
         raise KeypointError(
             f"the last value of each joint runs from {low:g} to {high:g}, which is no score",
             subject=source,
-            remedy="x, y and a score in 0..1",
+            remedy="x, y and a score in 0..1; keypoints.unit=metres where it is a depth",
             code="E_KEYPOINTS_VALUE",
         )
     return last
@@ -202,7 +227,14 @@ def _missing(points: np.ndarray, scores: np.ndarray | None, body: Skeleton) -> n
     return zero
 
 
-def are_shares(points: np.ndarray) -> bool:
-    """Whether coordinates, NaN where missing, are shares of a picture's width and height, not pixels."""
-    seen = np.abs(points[np.isfinite(points)])
-    return bool(seen.size) and float(np.median(seen)) <= 1.0 and float(seen.max()) <= _LARGEST_SHARE
+def are_shares(points: np.ndarray, *, centred: bool = False) -> bool:
+    """Whether coordinates, NaN where missing, are shares of a picture's width and height, not pixels.
+
+    Shares lie in 0..1, and a little outside for joints beyond the picture's edge; what lies around zero is
+    some body's own unit, unless ``centred`` says that the shares may be those from the picture's middle.
+    """
+    seen = points[np.isfinite(points)]
+    if not seen.size or not (centred or float((seen < 0).mean()) <= _LARGEST_NEGATIVE):
+        return False
+    sizes = np.abs(seen)
+    return float(np.median(sizes)) <= 1.0 and float(sizes.max()) <= _LARGEST_SHARE

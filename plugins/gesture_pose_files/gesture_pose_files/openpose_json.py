@@ -1,61 +1,70 @@
-"""Folders of OpenPose JSON, one file a frame: ``<name>_<12 digits>_keypoints.json``."""
+"""Folders of OpenPose JSON, one numbered file a frame: ``wave_000000000000_keypoints.json``, ``1.json``."""
 
 from __future__ import annotations
 
 import os
-import re
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
-
-import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
-from gesture_core.plugin.interfaces import Person
-from gesture_core.skeletons import BODY25, skeleton
+from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
-from gesture_pose_files.files import MAX_FRAMES, check_options, check_size
-from gesture_pose_files.json_frame import read_frame
-from gesture_pose_files.layout import are_shares, assumed_picture, assumed_rate
-from gesture_pose_files.people import tracks
+from gesture_pose_files.clip import Clip
+from gesture_pose_files.files import (
+    MAX_FRAMES,
+    MAX_JSON_BYTES,
+    check_people,
+)
+from gesture_pose_files.json_people import Found, people_in
+from gesture_pose_files.json_text import kind_of, load
+from gesture_pose_files.numbering import number_in
 
-_NAME = re.compile(r"(.*)_(\d{12})_keypoints\.json", re.DOTALL)
+_LOOKED_AT = 3
+# Of OpenPose's own networks; of 17, 26 and 133 joints in its frame, the order is what other tools use.
+_SAID = (15, 18, 25)
+_EXPECTED = "frames such as wave_000000000000_keypoints.json or 0001.json, each with a list 'people'"
 
 
 @dataclass(frozen=True)
 class OpenPoseJsonReader:
     """Reads a folder of OpenPose JSON; frames of several videos may lie in one folder.
 
-    A single JSON file is one frame, not a sequence: give the folder.
+    A frame's number is the last one in its file's name, however it is padded; what comes before it tells
+    videos apart. Files that cannot be read cost their frame. A single JSON file is one frame, not a
+    sequence: give the folder. AlphaPose's ``sep-json`` and the frames of MMPose are read as well.
 
     Attributes
     ----------
-    fps : float
-        Frames a second of the video; the files do not say. A frame's time is its number over this, so
-        that frames that were left out stay gaps in time.
+    options : ReadOptions
+        What the files leave open. A frame's time is its number over the rate, so that frames that were left
+        out stay gaps in time. Shares (OpenPose's ``--keypoint_scale 3`` and ``4``) are told from pixels.
     people : "single" or "multi"
         One sequence with the most persistent person, or one for each person.
-    frame_size : (width, height)
-        The picture that x and y are multiplied with where they are shares of its width and height
-        (OpenPose's ``--keypoint_scale 3`` and ``4``). The files do not say; only the ratio of the two
-        changes a gesture, 4:3 by default.
     """
 
-    fps: float = 30.0
+    options: ReadOptions = field(default_factory=ReadOptions)
     people: str = "single"
-    frame_size: tuple[int, int] = (640, 480)
 
     def __post_init__(self) -> None:
-        check_options(self.fps, self.people)
-        object.__setattr__(self, "frame_size", check_size(self.frame_size))
+        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
-        """Whether ``path`` is a folder that holds at least one frame."""
+        """Whether ``path`` is a folder that holds a numbered JSON file that looks like a frame."""
         try:
             with os.scandir(path) as entries:
-                return any(_NAME.fullmatch(entry.name) for entry in entries)
+                frames = list(islice((entry.path for entry in entries if _number(entry)), _LOOKED_AT))
         except OSError:
             return False
+        return any(map(_looks_like_frame, frames))
+
+    def refusal(self, path: Path) -> str:
+        """That a file is one frame, where it is; empty otherwise."""
+        if kind_of(path) != "frame":
+            return ""
+        return "it is one frame, and a clip is a folder of them, numbered as wave_000000000012_keypoints.json"
 
     def members(self, path: Path) -> list[str]:
         """Names of the sequences in the folder; ``[""]`` where there is only one."""
@@ -75,48 +84,42 @@ class OpenPoseJsonReader:
         Raises
         ------
         KeypointError
-            `E_KEYPOINTS_MEMBER`, `E_KEYPOINTS_LINK`, `E_KEYPOINTS_LIMIT`, `E_KEYPOINTS_MISSING`, and
-            those of `json_frame.read_frame`, which name the file.
+            `E_KEYPOINTS_MEMBER`, `E_KEYPOINTS_LIMIT`, and those of `clip.Clip`; where no frame can be
+            read, those of the first.
         """
-        numbered = _choose(path, member)
-        source = printable(path) + (f"::{member}" if member else "")
-        frames: list[list[Person]] = []
-        kind: str | None = None
-        for _, file in numbered:
-            people, frame_kind = read_frame(file)
-            if kind and frame_kind and frame_kind != kind:
-                raise KeypointError(
-                    f"is {frame_kind}, frames before it are {kind}",
-                    subject=printable(file),
-                    code="E_KEYPOINTS_FORMAT",
-                )
-            kind = kind or frame_kind
-            frames.append(people)
-        body = skeleton(kind or BODY25.name)
-        times = np.array([number for number, _ in numbered], np.float64) / self.fps
-        provenance = {
-            "reader": "openpose-json",
-            "times": f"frame numbers at {self.fps:g} frames/s",
-            "assumed": assumed_rate(self.fps),
-        }
-        every = [one.keypoints for frame in frames for one in frame]
-        if every and are_shares(np.stack(every)):
-            size = np.array(self.frame_size, np.float32)
-            frames = [[Person(one.keypoints * size, one.scores) for one in frame] for frame in frames]
-            provenance["scaled"] = f"shares of {self.frame_size[0]} x {self.frame_size[1]} pixels"
-            provenance["assumed"] += f", {assumed_picture(self.frame_size)}"
-        return [
-            PoseSequence(points, scores, times, body.name, None, person, source, provenance)
-            for person, (points, scores) in enumerate(tracks(frames, len(body.joints), self.people))
-        ]
+        clip = Clip(printable(path) + (f"::{member}" if member else ""), "openpose-json", said=_SAID)
+        for number, file in _choose(path, member):
+            clip.add(number, _frame(file, self.options))
+        return clip.sequences(self.options, self.people)
+
+
+def _number(entry: os.DirEntry[str]) -> tuple[str, int] | None:
+    return number_in(entry.name) if entry.name.lower().endswith(".json") else None
+
+
+def _looks_like_frame(path: str) -> bool:
+    """By its first bytes; a file that is cut short, or cannot be read, by its name."""
+    try:
+        kind = kind_of(Path(path))
+    except KeypointError:
+        return True
+    return kind == "frame" or (kind == "other" and path.lower().endswith("_keypoints.json"))
+
+
+def _frame(file: Path, options: ReadOptions) -> Found | KeypointError:
+    try:
+        return people_in(load(file, MAX_JSON_BYTES), printable(file), options)
+    except KeypointError as error:  # a new one: the traceback of this would keep what was read
+        return KeypointError(error.cause, subject=error.subject, remedy=error.remedy, code=error.code)
 
 
 def _choose(folder: Path, member: str) -> list[tuple[int, Path]]:
     found = _sequences(folder)
     if not found:
         raise KeypointError(
-            "holds no file named <name>_<12 digits>_keypoints.json",
+            "holds no numbered JSON file",
             subject=printable(folder),
+            remedy=_EXPECTED,
             code="E_KEYPOINTS_EMPTY",
         )
     if not member and len(found) == 1:
@@ -135,25 +138,16 @@ def _choose(folder: Path, member: str) -> list[tuple[int, Path]]:
 def _sequences(folder: Path) -> dict[str, list[tuple[int, Path]]]:
     """Name -> numbered files, both in order."""
     found: dict[str, list[tuple[int, Path]]] = {}
-    count = 0
     try:
-        root = folder.resolve()
-        with os.scandir(folder) as entries:
-            for entry in entries:
-                match = _NAME.fullmatch(entry.name)
-                if match is None:
-                    continue
-                count += 1
-                if count > MAX_FRAMES:
-                    raise KeypointError(
-                        f"holds more than {MAX_FRAMES} frames",
-                        subject=printable(folder),
-                        remedy="split it",
-                        code="E_KEYPOINTS_LIMIT",
-                    )
-                if entry.is_symlink():
-                    _check_link(Path(entry.path), root)
-                found.setdefault(match[1], []).append((int(match[2]), Path(entry.path)))
+        for count, (name, number, path) in enumerate(_files(folder)):
+            if count >= MAX_FRAMES:
+                raise KeypointError(
+                    f"holds more than {MAX_FRAMES} frames",
+                    subject=printable(folder),
+                    remedy="split it",
+                    code="E_KEYPOINTS_LIMIT",
+                )
+            found.setdefault(name, []).append((number, path))
     except OSError as error:
         raise KeypointError(
             f"cannot be listed: {error.strerror}", subject=printable(folder), code="E_KEYPOINTS_UNREADABLE"
@@ -161,11 +155,9 @@ def _sequences(folder: Path) -> dict[str, list[tuple[int, Path]]]:
     return {name: sorted(found[name]) for name in sorted(found)}
 
 
-def _check_link(link: Path, root: Path) -> None:
-    if not link.resolve().is_relative_to(root):
-        raise KeypointError(
-            "is a link that leads out of its folder",
-            subject=printable(link),
-            remedy="copy the file itself",
-            code="E_KEYPOINTS_LINK",
-        )
+def _files(folder: Path) -> Iterator[tuple[str, int, Path]]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            numbered = _number(entry)
+            if numbered and not entry.is_dir(follow_symlinks=False):
+                yield *numbered, Path(entry.path)

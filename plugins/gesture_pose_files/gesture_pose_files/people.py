@@ -15,20 +15,30 @@ _SMALL = 10.0
 Track = tuple[np.ndarray, np.ndarray]
 
 
-def tracks(frames: Sequence[Sequence[Person]], joints: int, people: str) -> list[Track]:
+def tracks(
+    frames: Sequence[Sequence[Person]],
+    joints: int,
+    people: str,
+    identities: Sequence[Sequence[int | None]] = (),
+) -> list[Track]:
     """Keypoints (T, J, 2) and scores (T, J) of each person, strongest first, each as long as the file.
 
     Parameters
     ----------
     frames : sequence of sequences of Person
     joints : int
+    identities : sequence of sequences of int or None, optional
+        Of the same people, as the file numbers them; used where each has one of its own in every frame.
     people : "single" or "multi"
         ``"single"`` gives exactly one track: the person of each frame where no frame has two, else
         the strongest track, carried on by others that begin where it was last seen.
     """
     if people == "single" and all(len(frame) <= 1 for frame in frames):
         return [_alone(frames, joints)]
-    found = _tracked(frames, joints)
+    if identities and all(_apart(frame) for frame in identities):
+        found = _identified(frames, joints, identities)
+    else:
+        found = _tracked(frames, joints)
     if people == "multi":
         return found or [_alone([[] for _ in frames], joints)]
     return [_joined(found)] if found else [_alone([frame[:1] for frame in frames], joints)]
@@ -41,6 +51,21 @@ def _alone(frames: Sequence[Sequence[Person]], joints: int) -> Track:
         for person in frame:
             points[index], scores[index] = person.keypoints, person.scores
     return points, scores
+
+
+def _apart(identities: Sequence[int | None]) -> bool:
+    return None not in identities and len(set(identities)) == len(identities)
+
+
+def _identified(
+    frames: Sequence[Sequence[Person]], joints: int, identities: Sequence[Sequence[int | None]]
+) -> list[Track]:
+    by_person: dict[int | None, list[list[Person]]] = {}
+    for index, (frame, names) in enumerate(zip(frames, identities, strict=True)):
+        for one, name in zip(frame, names, strict=True):
+            by_person.setdefault(name, [[] for _ in frames])[index].append(one)
+    found = [_alone(mine, joints) for mine in by_person.values()]
+    return sorted(found, key=lambda track: -float(track[1].sum()))[:MAX_PEOPLE]
 
 
 def _tracked(frames: Sequence[Sequence[Person]], joints: int) -> list[Track]:

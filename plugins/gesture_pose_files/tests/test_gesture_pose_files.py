@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gesture_core.plugin.reading import ReadOptions
 from gesture_core.plugin.registry import registry
 
 POINTS = np.random.default_rng(0).uniform(10, 400, (5, 18, 2)).round(1).astype(np.float32)
@@ -31,7 +32,7 @@ def write(folder: Path, reader: str) -> Path:
 @pytest.mark.parametrize("name", ["csv", "arrays", "openpose-json"])
 def test_every_form_gives_the_same_keypoints(name: str, tmp_path: Path) -> None:
     path = write(tmp_path, name)
-    reader = registry().make("reader", name, {"fps": 10.0})
+    reader = registry().make("reader", name, options=ReadOptions(fps=10.0))
     assert reader.accepts(path) and reader.members(path) == [""]
     (pose,) = reader.read(path)
     np.testing.assert_allclose(pose.keypoints, POINTS, rtol=1e-6)

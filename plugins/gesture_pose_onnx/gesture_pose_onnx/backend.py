@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 import onnxruntime
 
 from gesture_core.errors import ModelError
 from gesture_core.pose import NetworkBackend
+
+# What auto chooses from, in order: TensorRT would build its engine for minutes first, so that it comes last.
+_PROVIDERS = {
+    "cuda": "CUDAExecutionProvider",
+    "coreml": "CoreMLExecutionProvider",
+    "directml": "DmlExecutionProvider",
+    "openvino": "OpenVINOExecutionProvider",
+    "cpu": "CPUExecutionProvider",
+    "tensorrt": "TensorrtExecutionProvider",
+}
 
 
 class OnnxBackend(NetworkBackend):
@@ -14,6 +26,11 @@ class OnnxBackend(NetworkBackend):
 
     name = "onnx"
     runtime = f"onnxruntime {onnxruntime.__version__}"
+
+    @classmethod
+    def devices(cls) -> Mapping[str, Sequence[str]]:
+        installed = onnxruntime.get_available_providers()
+        return {"provider": [name for name, provider in _PROVIDERS.items() if provider in installed]}
 
     def open(self, data: bytes) -> None:
         subject = str(self.model.path)
@@ -29,7 +46,8 @@ class OnnxBackend(NetworkBackend):
         options.inter_op_num_threads = 1
         options.log_severity_level = 3
         try:
-            self._session = onnxruntime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+            provider = _PROVIDERS[self.device]
+            self._session = onnxruntime.InferenceSession(data, options, providers=[provider])
         except Exception as error:  # onnxruntime's errors have no common base but Exception
             raise ModelError(
                 f"onnxruntime cannot load it: {str(error).splitlines()[0]}",
@@ -37,6 +55,14 @@ class OnnxBackend(NetworkBackend):
                 remedy="'gesture models verify', or another model",
                 code="E_MODEL_LOAD",
             ) from error
+        # It goes on without a provider whose libraries it cannot load, and tells nobody.
+        if provider not in self._session.get_providers():
+            raise ModelError(
+                f"onnxruntime has {self.device}, but cannot load its libraries",
+                subject=subject,
+                remedy="pose.provider=cpu, or the libraries of that provider",
+                code="E_PROVIDER",
+            )
         self._input = self._session.get_inputs()[0].name
 
     def run(self, batch: np.ndarray) -> list[np.ndarray]:

@@ -10,4 +10,5 @@ def register_pose_backends(register: Register) -> None:
         "gesture_pose_onnx.backend:OnnxBackend",
         needs=("onnxruntime", "cv2"),
         summary="pose networks in ONNX, run by onnxruntime",
+        suffixes=(".onnx",),
     )

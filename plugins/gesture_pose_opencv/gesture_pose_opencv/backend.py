@@ -1,6 +1,8 @@
-"""Runs pose networks with OpenCV's DNN module: ONNX, TensorFlow, and Caffe where OpenCV still reads it."""
+"""Runs pose networks with OpenCV's DNN module: ONNX, TensorFlow (Lite), Caffe where OpenCV still reads it."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -11,23 +13,49 @@ from gesture_core.pose import NetworkBackend, read_model
 _PROTOTXT_LIMIT = 1 << 20
 
 
+_TARGETS = {
+    "cuda": (cv2.dnn.DNN_BACKEND_CUDA, cv2.dnn.DNN_TARGET_CUDA),
+    "cpu": (cv2.dnn.DNN_BACKEND_OPENCV, cv2.dnn.DNN_TARGET_CPU),
+    "cuda-fp16": (cv2.dnn.DNN_BACKEND_CUDA, cv2.dnn.DNN_TARGET_CUDA_FP16),
+    "opencl": (cv2.dnn.DNN_BACKEND_OPENCV, cv2.dnn.DNN_TARGET_OPENCL),
+    "opencl-fp16": (cv2.dnn.DNN_BACKEND_OPENCV, cv2.dnn.DNN_TARGET_OPENCL_FP16),
+    "vulkan": (cv2.dnn.DNN_BACKEND_VKCOM, cv2.dnn.DNN_TARGET_VULKAN),
+}
+"""What OpenCV calls them; auto takes the first that its build has."""
+
+
 class OpenCvBackend(NetworkBackend):
-    """Pose networks in ONNX, TensorFlow or Caffe. Options as `NetworkBackend`."""
+    """Pose networks in ONNX, TensorFlow, TensorFlow Lite or Caffe. Options as `NetworkBackend`."""
 
     name = "opencv-dnn"
     runtime = f"opencv {cv2.__version__}"
+
+    @classmethod
+    def devices(cls) -> Mapping[str, Sequence[str]]:
+        return {
+            "target": [
+                name
+                for name, (backend, target) in _TARGETS.items()
+                if target in cv2.dnn.getAvailableTargets(backend)
+            ]
+        }
 
     def open(self, data: bytes) -> None:
         content = np.frombuffer(data, np.uint8)
         try:
             if self.header is not None:
                 self._net = cv2.dnn.readNetFromONNX(content)
+            elif self.model.path.suffix.lower() == ".tflite":
+                self._net = cv2.dnn.readNetFromTFLite(content)
             elif self.model.path.suffix.lower() == ".pb":
                 self._net = cv2.dnn.readNetFromTensorflow(content)
             else:
                 self._net = self._caffe(content)
         except cv2.error as error:
             raise self._refused("load it", error) from error
+        backend, target = _TARGETS[self.device]
+        self._net.setPreferableBackend(backend)
+        self._net.setPreferableTarget(target)
         if self.threads:
             cv2.setNumThreads(self.threads)
         # OpenCV lists outputs in an order of its own; that of the file tells x from y.

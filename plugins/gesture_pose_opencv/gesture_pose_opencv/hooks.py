@@ -9,5 +9,6 @@ def register_pose_backends(register: Register) -> None:
         "opencv-dnn",
         "gesture_pose_opencv.backend:OpenCvBackend",
         needs=("cv2",),
-        summary="pose networks in ONNX, TensorFlow or Caffe, run by OpenCV",
+        summary="pose networks in ONNX, TensorFlow (Lite) or Caffe, run by OpenCV",
+        suffixes=(".onnx", ".tflite", ".pb", ".caffemodel"),
     )

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, cast
@@ -24,7 +25,7 @@ import numpy as np
 
 from gesture_core.errors import GestureError, MediaError, MissingDependencyError
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits
-from gesture_core.video import DamageLog, Integrity, VideoDecoder
+from gesture_core.video import DamageLog, Integrity, LazyPicture, VideoDecoder
 
 if TYPE_CHECKING:
     from av.packet import Packet
@@ -144,16 +145,11 @@ class PyAvDecoder(VideoDecoder):
         context.thread_count = 1
         context.thread_type = "NONE"
 
-    def frames(self) -> Iterator[tuple[float | None, np.ndarray]]:
+    def frames(self) -> Iterator[tuple[float | None, LazyPicture]]:
         fatal = True  # without its first picture there is no video
         for stamp, frame in self._decoded:
-            with self._decoder_log.call(fatal) as call:
-                self.check_size(frame.width, frame.height)
-                # Bicubic as in OpenCV, so that the two readers give the same picture.
-                converted = self._converter.reformat(frame, format="bgr24", interpolation="BICUBIC")
-                picture: np.ndarray = converted.to_ndarray()
-            if not call.failed:
-                yield stamp, picture
+            self.check_size(frame.width, frame.height)
+            yield stamp, LazyPicture(frame.width, frame.height, partial(self._convert, frame, fatal))
             fatal = False
         stream, whole = self._stream, self._container.duration
         shown = None
@@ -168,6 +164,14 @@ class PyAvDecoder(VideoDecoder):
             indexed=len(getattr(stream, "index_entries", ())),
             picture_streams=len(self._container.streams.video),
         )
+
+    def _convert(self, frame: VideoFrame, fatal: bool) -> np.ndarray | None:
+        """The picture of a frame, None where FFmpeg cannot convert it."""
+        with self._decoder_log.call(fatal) as call:
+            # Bicubic as in OpenCV, so that the two readers give the same picture.
+            converted = self._converter.reformat(frame, format="bgr24", interpolation="BICUBIC")
+            picture: np.ndarray = converted.to_ndarray()
+        return None if call.failed else picture
 
     def _decode(self) -> Iterator[tuple[float | None, VideoFrame]]:
         """Decoded frames with their stamps in seconds; what passes is counted."""

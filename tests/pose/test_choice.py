@@ -1,0 +1,86 @@
+"""What auto stands for: the strongest network that is here, a backend that reads it, what it runs on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gesture_core.errors import GestureError
+from gesture_core.pose.choice import choose_pose, described
+from gesture_core.pose.models import CARD, auto_models, known_models
+from gesture_core.run.fingerprint import pose_identity
+from gesture_core.settings import Settings, load_settings
+
+
+@pytest.fixture
+def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder of the user's own."""
+    monkeypatch.setenv("GESTURE_MODELS", str(tmp_path))
+    return tmp_path
+
+
+def settings(**changes: object) -> Settings:
+    return load_settings("modern", environment={}, **changes)
+
+
+def put(folder: Path, name: str, suffix: str) -> None:
+    """A file that stands for an added network."""
+    (folder / name).mkdir()
+    known = known_models()[name]
+    assert known.contract is not None
+    card = {"file": f"model{suffix}", "sha256": known.sha256[0], "contract": known.contract.as_table()}
+    (folder / name / CARD).write_text(json.dumps(card))
+    (folder / name / f"model{suffix}").write_bytes(b"")
+
+
+def test_the_strongest_network_that_is_here_is_taken_with_a_backend_that_reads_it(models: Path) -> None:
+    assert auto_models() == ("blazepose", "compact")
+    pose = choose_pose(settings()).pose
+    assert (pose.model, pose.backend, pose.provider, pose.target) == ("compact", "onnx", "cpu", "auto")
+    put(models, "blazepose", ".tflite")
+    pose = choose_pose(settings()).pose
+    assert (pose.model, pose.backend, pose.provider, pose.target) == (
+        "blazepose",
+        "opencv-dnn",
+        "auto",
+        "cpu",
+    )
+    assert choose_pose(settings(pose__model="compact")).pose.backend == "onnx"
+    chosen = choose_pose(settings(pose__model="compact", pose__backend="opencv-dnn"))
+    assert chosen.pose.target == "cpu" and choose_pose(chosen) == chosen
+
+
+def test_it_is_said_and_recorded(models: Path) -> None:
+    text = described(choose_pose(settings()))
+    assert text.startswith(
+        "compact on onnx (cpu), about 331 frames/s a core; 'gesture models get blazepose' brings"
+    )
+    before = pose_identity(settings(), with_model=True)["video"]
+    put(models, "blazepose", ".tflite")
+    after = pose_identity(settings(), with_model=True)["video"]
+    assert after["settings"]["model"] == "blazepose" != before["settings"]["model"]
+    assert after["model"]["finder"] == before["model"]["sha256"]
+    assert "models get" not in described(choose_pose(settings()))
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "remedy"),
+    [
+        ({"pose__provider": "cuda"}, "E_PROVIDER", "onnxruntime: -gpu"),
+        ({"pose__target": "cpu"}, "E_OPTION", "pose.provider"),
+        ({"pose__backend": "opencv-dnn", "pose__target": "vulkan"}, "E_PROVIDER", "pose.target=auto"),
+        ({"pose__backend": "opencv-dnn", "pose__provider": "cpu"}, "E_OPTION", "pose.target"),
+        ({"pose__model": "hpe0001"}, "E_MODEL_MISSING", "gesture models add"),
+    ],
+)
+def test_what_is_asked_for_and_not_there_is_an_error(
+    changes: dict[str, str], code: str, remedy: str, models: Path
+) -> None:
+    with pytest.raises(GestureError, match=remedy) as caught:
+        choose_pose(settings(**changes))
+    assert caught.value.code == code
+    # Keypoint files need none of it.
+    kept = settings(**changes)
+    assert choose_pose(kept, needed=False) == kept

