@@ -234,8 +234,11 @@ class _Run:
         if without_cache():
             return False
         asked = {**self._place, "examples": len(self.plan.examples)}
-        found: bool = self.assistant.ask("open_fitted", asked, keep=True)
-        return found
+        if not self.assistant.ask("open_fitted", asked, keep=True):
+            return False
+        for item in self.plan.examples:
+            self.listener.extracted(item.name, cached=True)
+        return True
 
     @property
     def _place(self) -> dict[str, str]:
