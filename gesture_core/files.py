@@ -45,6 +45,11 @@ def without_cache() -> bool:
     return os.environ.get("GESTURE_NO_CACHE", "").lower() not in ("", "0", "false", "no")
 
 
+def with_tracebacks() -> bool:
+    """Whether ``$GESTURE_TRACEBACK`` asks for the places where errors were raised."""
+    return os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
+
+
 def models_dir() -> Path:
     """Folder of added model files: ``$GESTURE_MODELS``, or ``models`` in the user's data folder."""
     override = os.environ.get("GESTURE_MODELS")

@@ -17,10 +17,7 @@ from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Unused
 from gesture_core import __version__
 from gesture_core.cli.output import say, say_event
 from gesture_core.errors import Code, ConfigError, GestureError
-from gesture_core.files import printable
-from gesture_core.plugin.registry import tracebacks
-from gesture_core.settings.load import fields_of
-from gesture_core.settings.schema import SECTIONS
+from gesture_core.files import printable, with_tracebacks
 
 EXIT_PIPE = 141
 """Of a command whose output was closed: 128 and the number of SIGPIPE."""
@@ -60,10 +57,8 @@ _PLACES = {
 for _name, _help in _COMMANDS.items():
     app.command(f"gesture_core.cli.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name, help=_help)
 
-_WITH_SETTINGS = {name: tuple(SECTIONS) for name in ("classify", "evaluate", "demo")} | {
-    "extract": ("pose", "keypoints", "limits"), "render": ("pose", "limits"), "bench": ("dtw",),
-}  # fmt: skip
-"""Sections whose settings have a meaning in a command."""
+_WITH_SETTINGS = {"extract": ("pose", "keypoints", "limits"), "render": ("pose", "limits"), "bench": ("dtw",)}
+"""Sections whose settings have a meaning in a command that knows some alone."""
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
 _EVERYWHERE = {"--traceback": "GESTURE_TRACEBACK", "--no-cache": "GESTURE_NO_CACHE"}
 """Flags of every command, and the variables that are the same."""
@@ -110,7 +105,7 @@ class _Notes(logging.Handler):
 
 
 def _run(arguments: list[str]) -> int:
-    traced = tracebacks()
+    traced = with_tracebacks()
     notes = _Notes(logging.WARNING)
     logging.getLogger("gesture_core").addHandler(notes)
     try:
@@ -213,13 +208,21 @@ def _usage(error: CycloptsError, arguments: Sequence[str]) -> str:
         cause, meant, rest = str(error).partition(" Did you mean ")
         cause = cause.partition(" Available commands")[0].rstrip(". ")
         option = cause.rpartition(" --")[2].replace("-", "_")
-        sections = _WITH_SETTINGS.get(next(iter(chain), ""), ())
-        owners = [section for section in sections if option in fields_of(section)]
-        if cause.startswith("Unknown option") and owners:
+        owners = _owners(option, next(iter(chain), "")) if cause.startswith("Unknown option") else []
+        if owners:
             remedy = " or ".join(f"--set {owner}.{option}=VALUE" for owner in owners)
         elif meant:
             remedy = f"{rest.partition('?')[0]}, or {remedy}"
     return f"{Code.USAGE} {cause}; try: {remedy}"
+
+
+def _owners(option: str, command: str) -> list[str]:
+    """Sections that have a setting called ``option`` with a meaning in ``command``."""
+    from gesture_core.settings.load import fields_of
+    from gesture_core.settings.schema import SECTIONS
+
+    every = tuple(SECTIONS) if command in ("classify", "evaluate", "demo") else ()
+    return [section for section in _WITH_SETTINGS.get(command, every) if option in fields_of(section)]
 
 
 def _refused(error: OSError) -> str:

@@ -12,7 +12,6 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
-import os
 import re
 import sys
 import threading
@@ -28,6 +27,7 @@ from typing import Any
 import pluggy
 
 from gesture_core.errors import ConfigError, GestureError, MissingDependencyError, PluginError, SignalError
+from gesture_core.files import with_tracebacks
 from gesture_core.plugin import hooks
 from gesture_core.plugin.interfaces import KINDS
 
@@ -355,7 +355,7 @@ def calling(
 
 def tracebacks() -> bool:
     """Whether ``GESTURE_TRACEBACK`` asks for it, or a plugin is being debugged: see `show_tracebacks`."""
-    return bool(_shown) or os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
+    return bool(_shown) or with_tracebacks()
 
 
 def show_tracebacks(shown: bool) -> None:
