@@ -1,9 +1,11 @@
 """Accuracy under damage: the paper's method beside the preset `modern`, as a table and as curves.
 
     python benchmarks/stress.py [--shared FOLDER] [--png docs/images/stress.png] [--kernel NAME]
+    python benchmarks/stress.py --frames utd_openpose body_gesture [--both]
 
 Queries are damaged, examples stay whole: utd_openpose, leave-one-subject-out. Damage is drawn from
-a fixed seed, the same for every preset.
+a fixed seed, the same for every preset. ``--frames`` makes a few frames of each clip wrong instead, of
+the data sets that it names, with ``signals.repair`` and without; ``--both`` in the examples, too.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from datasets import ROOT, Item, arguments, utd_openpose
+from datasets import ROOT, Item, arguments, body_gesture, utd_openpose
 
 from gesture_core.classify.comparison import compare
 from gesture_core.classify.decision import votes_of
@@ -24,7 +26,7 @@ from gesture_core.report.style import BLUE, GREEN, GREY, ORANGE, new_figure, sav
 from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.skeletons import COCO18
-from gesture_core.types import PoseSequence
+from gesture_core.types import PoseSequence, Signals
 
 STYLES = (
     {"color": ORANGE, "marker": "o"},
@@ -114,6 +116,78 @@ def _frames(pose: PoseSequence, kept: np.ndarray) -> PoseSequence:
     return replace(pose, keypoints=pose.keypoints[kept], scores=pose.scores[kept], times=pose.times[kept])
 
 
+def _torso(pose: PoseSequence) -> float:
+    neck, right, left = (COCO18.index(name) for name in ("neck", "right_hip", "left_hip"))
+    hips = (pose.keypoints[:, right] + pose.keypoints[:, left]) / 2
+    return float(np.nanmedian(np.linalg.norm(pose.keypoints[:, neck] - hips, axis=1)))
+
+
+def _somewhere(pose: PoseSequence, count: float, random: np.random.Generator) -> np.ndarray:
+    return np.sort(random.choice(len(pose), min(round(count), len(pose)), replace=False))
+
+
+def _in_a_row(pose: PoseSequence, count: float, random: np.random.Generator) -> np.ndarray:
+    return random.integers(len(pose) - round(count) + 1) + np.arange(round(count))
+
+
+def _at_the_start(pose: PoseSequence, count: float, random: np.random.Generator) -> np.ndarray:
+    return np.arange(round(count))
+
+
+def jumps(pose: PoseSequence, frames: np.ndarray, random: np.random.Generator, size: float = 3) -> np.ndarray:
+    """A wrist that is ``size`` torso lengths off, each time in another direction."""
+    points, wrist = pose.keypoints.copy(), COCO18.index(("right_wrist", "left_wrist")[random.integers(2)])
+    angle = random.uniform(0, 2 * np.pi, len(frames))
+    points[frames, wrist] += size * _torso(pose) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return points
+
+
+def exchanged(*names: str) -> Callable[[PoseSequence, np.ndarray, np.random.Generator], np.ndarray]:
+    """Left and right of the joints called ``names`` change places."""
+
+    def damage(pose: PoseSequence, frames: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        points = pose.keypoints.copy()
+        for name in names:
+            pair = [COCO18.index(f"right_{name}"), COCO18.index(f"left_{name}")]
+            points[np.ix_(frames, pair)] = points[np.ix_(frames, pair[::-1])]
+        return points
+
+    return damage
+
+
+def zeros(pose: PoseSequence, frames: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """A joint of an arm at 0, 0."""
+    names = ("right_wrist", "left_wrist", "right_elbow", "left_elbow")
+    points = pose.keypoints.copy()
+    points[frames, COCO18.index(names[random.integers(4)])] = 0
+    return points
+
+
+def frozen(pose: PoseSequence, frames: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Frames that show the one before them."""
+    points = pose.keypoints.copy()
+    for frame in frames:
+        points[frame] = points[max(frame - 1, 0)]
+    return points
+
+
+def doubled(pose: PoseSequence, count: float, random: np.random.Generator) -> PoseSequence:
+    """Frames that come twice, which makes the clip longer."""
+    kept = np.sort(np.concatenate([np.arange(len(pose)), _somewhere(pose, count, random)]))
+    times = np.arange(len(kept)) * float(np.median(np.diff(pose.times)))
+    return replace(_frames(pose, kept), times=times)
+
+
+def wrong(
+    damage: Callable[[PoseSequence, np.ndarray, np.random.Generator], np.ndarray],
+    frames: Callable[[PoseSequence, float, np.random.Generator], np.ndarray] = _somewhere,
+) -> Callable[[PoseSequence, float, np.random.Generator], PoseSequence]:
+    """``damage`` in as many of the ``frames`` as the strength says."""
+    return lambda pose, count, random: replace(
+        pose, keypoints=damage(pose, frames(pose, count, random), random)
+    )
+
+
 STRESSES = (
     Stress("joint dropout", "share missing", (0, 0.1, 0.2, 0.3, 0.4, 0.5), dropout),
     Stress("joint dropout in bursts", "share missing", (0, 0.1, 0.2, 0.3, 0.4, 0.5), bursts),
@@ -126,38 +200,80 @@ STRESSES = (
     Stress("mirrored", "other hand", (0, 1), mirror),
     Stress("clipped start and end", "share of each", (0, 0.05, 0.1, 0.15, 0.2, 0.3), clip_ends),
 )
+_ARMS = ("shoulder", "elbow", "wrist")
+_all = exchanged(*_ARMS, "hip", "knee", "ankle", "eye", "ear")
+_COUNTS = (0, 1, 2, 3, 5)
+BAD_FRAMES = (
+    Stress("a wrist 3 torsos off", "frames", _COUNTS, wrong(jumps)),
+    Stress("a wrist off, in a row", "frames", (0, 2, 3, 5), wrong(jumps, _in_a_row)),
+    Stress("a wrist off, at the start", "frames", (0, 1, 3), wrong(jumps, _at_the_start)),
+    Stress("wrists exchanged", "frames", _COUNTS, wrong(exchanged("wrist"))),
+    Stress("arms exchanged", "frames", _COUNTS, wrong(exchanged(*_ARMS))),
+    Stress("all exchanged", "frames", _COUNTS, wrong(_all)),
+    Stress("all exchanged, at the start", "frames", (0, 1, 3), wrong(_all, _at_the_start)),
+    Stress("a joint at 0, 0", "frames", _COUNTS, wrong(zeros)),
+    Stress("frozen", "frames", _COUNTS, wrong(frozen)),
+    Stress("doubled", "frames", _COUNTS, doubled),
+)
 
 
-def accuracies(items: Sequence[Item], settings: Settings) -> dict[str, list[float]]:
-    """Accuracy at each strength of each damage."""
+def accuracies(
+    items: Sequence[Item], settings: Settings, stresses: Sequence[Stress] = STRESSES, both: bool = False
+) -> dict[str, list[float]]:
+    """Accuracy at each strength of each damage; ``both`` damages the examples as well."""
     chain = replace(Chain.from_settings(settings), allow_still=True)
     examples = [chain(item.pose) for item in items]
     codes = np.unique([item.label for item in items], return_inverse=True)[1]
     subjects = np.array([item.subject for item in items])
     within = compare(examples, examples, settings)
+    whole = _weights(within, codes, subjects, settings)
+    out: dict[str, list[float]] = {}
+    for stress in stresses:
+        for strength in stress.strengths:
+            random = np.random.default_rng(7)
+            queries, places = [], []
+            for place, item in enumerate(items):
+                try:
+                    # The first strength is none.
+                    changed = strength != stress.strengths[0]
+                    queries.append(
+                        chain(stress.damage(item.pose, strength, random) if changed else item.pose)
+                    )
+                    places.append(place)
+                except GestureError:  # no label is no right answer
+                    continue
+            kept = np.array(places, np.int64)
+            if both:
+                distances = compare(queries, queries, settings)
+                weights = _weights(distances, codes[kept], subjects[kept], settings)
+                right = recognised(
+                    distances, np.arange(len(kept)), codes[kept], subjects[kept], settings, weights
+                )
+            else:
+                distances = within[kept]
+                other = [i for i, place in enumerate(kept) if not _equal(queries[i], examples[place])]
+                if other:
+                    distances[other] = compare([queries[i] for i in other], examples, settings)
+                right = recognised(distances, kept, codes, subjects, settings, whole)
+            out.setdefault(stress.name, []).append(right / len(items))
+            print(f"{stress.name} {strength:g}: {100 * right / len(items):.1f}", file=sys.stderr, flush=True)
+    return out
+
+
+def _weights(
+    within: np.ndarray, codes: np.ndarray, subjects: np.ndarray, settings: Settings
+) -> dict[str, ExampleWeights | None]:
+    """What is learned for each subject from the examples of all others."""
     weights = {}
     for who in np.unique(subjects):
         others = np.flatnonzero(subjects != who)
         among = within[np.ix_(others, others)]
         weights[str(who)] = learn(codes[others], int(codes.max()) + 1, settings.classify, among)[2]
-    out: dict[str, list[float]] = {}
-    for stress in STRESSES:
-        for strength in stress.strengths:
-            random = np.random.default_rng(7)
-            queries, places = [], []
-            for place, item in enumerate(items):
-                damaged = stress.damage(item.pose, strength, random)
-                try:
-                    queries.append(chain(damaged))
-                    places.append(place)
-                except GestureError:  # no label is no right answer
-                    continue
-            right = 0
-            if queries:
-                distances = compare(queries, examples, settings)
-                right = recognised(distances, np.array(places), codes, subjects, settings, weights)
-            out.setdefault(stress.name, []).append(right / len(items))
-    return out
+    return weights
+
+
+def _equal(one: Signals, other: Signals) -> bool:
+    return np.array_equal(one.values, other.values) and np.array_equal(one.mask, other.mask)
 
 
 def recognised(
@@ -212,13 +328,38 @@ def draw(found: dict[str, dict[str, list[float]]], path: Path) -> None:
     save(figure, path)
 
 
+def tables(stresses: Sequence[Stress], found: dict[str, dict[str, list[float]]]) -> None:
+    """Print a table for each damage."""
+    for stress in stresses:
+        print(f"\n| {stress.name} ({stress.unit}) | " + " | ".join(f"{s:g}" for s in stress.strengths) + " |")
+        print("|---" * (1 + len(stress.strengths)) + "|")
+        for name, values in found.items():
+            print(f"| {name} | " + " | ".join(f"{100 * v:.1f}" for v in values[stress.name]) + " |")
+
+
 def main() -> int:
     """Print the table and draw the curves."""
     parser = arguments(__doc__.splitlines()[0])
     parser.add_argument("--presets", nargs="+", default=["paper", "modern", "modern+upright"])
     parser.add_argument("--png", type=Path, default=ROOT / "docs" / "images" / "stress.png")
     parser.add_argument("--kernel", default="auto")
+    parser.add_argument("--frames", nargs="+", choices=[utd_openpose.__name__, body_gesture.__name__])
+    parser.add_argument("--both", action="store_true", help="with --frames: damage the examples, too")
     given = parser.parse_args()
+    if given.frames:
+        modern = load_settings("modern", classify__kernel=given.kernel)
+        for read in (utd_openpose, body_gesture):
+            if read.__name__ in given.frames:
+                items = read(given.shared)
+                found = {
+                    name: accuracies(
+                        items, modern.with_values([("signals.repair", on)]), BAD_FRAMES, given.both
+                    )
+                    for name, on in (("repaired", True), ("as they are", False))
+                }
+                print(f"\n{read.__name__}")
+                tables(BAD_FRAMES, found)
+        return 0
     items = utd_openpose(given.shared)
     found = {}
     for name in given.presets:
@@ -227,11 +368,7 @@ def main() -> int:
         if normalizer:
             settings = settings.with_values([("signals.normalizer", normalizer)])
         found[name] = accuracies(items, settings)
-    for stress in STRESSES:
-        print(f"\n| {stress.name} ({stress.unit}) | " + " | ".join(f"{s:g}" for s in stress.strengths) + " |")
-        print("|---" * (1 + len(stress.strengths)) + "|")
-        for name, values in found.items():
-            print(f"| {name} | " + " | ".join(f"{100 * v:.1f}" for v in values[stress.name]) + " |")
+    tables(STRESSES, found)
     draw(found, given.png)
     print(f"\n{given.png}", file=sys.stderr)
     return 0

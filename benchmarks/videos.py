@@ -1,6 +1,6 @@
 """Keypoints of body_gesture from its RGB videos, by a pose network of this machine.
 
-    python benchmarks/videos.py --model compact --every 2 --cache FOLDER [--shared FOLDER]
+    python benchmarks/videos.py --model compact --rate 10 --cache FOLDER [--shared FOLDER]
     python benchmarks/videos.py --model ../shared/models/hpe0001_f32_dynamic.onnx --follow --height 256 ...
 
 Leaves one .npz for each clip in the cache folder (yours, never the project's), which
@@ -24,7 +24,7 @@ from gesture_core.plugin.interfaces import PoseBackend
 from gesture_core.pose.extract import extract_poses, open_backend
 from gesture_core.settings import load_settings
 from gesture_core.types import PoseSequence
-from gesture_core.video import open_video
+from gesture_core.video import at_rate, open_video, pictures
 
 
 def video_of(item: Item, shared: Path) -> Path:
@@ -32,11 +32,10 @@ def video_of(item: Item, shared: Path) -> Path:
     return shared / "data" / "body_gesture" / item.subject / f"{item.name.split('__')[2]}.avi"
 
 
-def extract(video: Path, backend: PoseBackend, every: int, follow: bool | None = None) -> PoseSequence:
-    """Keypoints of every n-th frame of a clip."""
+def extract(video: Path, backend: PoseBackend, rate: float, follow: bool | None = None) -> PoseSequence:
+    """Keypoints of a clip, as with ``pose.rate``."""
     with open_video(video) as frames:
-        taken = (frame for number, frame in enumerate(frames) if number % every == 0)
-        people = extract_poses(taken, backend, follow=follow, source=str(video))
+        people = extract_poses(at_rate(pictures(frames), rate), backend, follow=follow, source=str(video))
     return people[0]
 
 
@@ -65,7 +64,7 @@ def main() -> int:
     """Extract what the cache does not have yet."""
     parser = arguments(__doc__.splitlines()[0])
     parser.add_argument("--model", default="compact")
-    parser.add_argument("--every", type=int, default=1, help="take every n-th frame")
+    parser.add_argument("--rate", type=float, default=0, help="frames a second that are looked at; 0: all")
     parser.add_argument("--cache", type=Path, required=True)
     parser.add_argument(
         "--follow",
@@ -88,7 +87,7 @@ def main() -> int:
         if path.is_file():
             continue
         try:
-            pose = extract(video_of(item, given.shared), backend, given.every, given.follow)
+            pose = extract(video_of(item, given.shared), backend, given.rate, given.follow)
         except GestureError as error:
             print(f"{item.name}: {error}", file=sys.stderr)
             continue

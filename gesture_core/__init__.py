@@ -15,13 +15,17 @@ if TYPE_CHECKING:
     from gesture_core.errors import Code as Code
     from gesture_core.errors import GestureError as GestureError
     from gesture_core.plugin.hooks import hookimpl as hookimpl
+    from gesture_core.run.annotations import evaluate_events as evaluate_events
     from gesture_core.run.archive import classify_archive as classify_archive
     from gesture_core.run.archive import load_poses as load_poses
+    from gesture_core.run.archive import spot_archive as spot_archive
     from gesture_core.run.evaluate import evaluate_archive as evaluate_archive
     from gesture_core.run.explain import explain as explain
     from gesture_core.run.pipeline import RunSummary as RunSummary
     from gesture_core.settings import Settings as Settings
     from gesture_core.settings import load_settings as load_settings
+    from gesture_core.spot.spotter import Spotter as Spotter
+    from gesture_core.types import Event as Event
     from gesture_core.types import Neighbors as Neighbors
     from gesture_core.types import PoseSequence as PoseSequence
     from gesture_core.types import Prediction as Prediction
@@ -34,6 +38,7 @@ __version__ = "0.1.0"
 _PUBLIC = {
     "Code": "errors",
     "DtwSpec": "dtw.spec",
+    "Event": "types",
     "GestureClassifier": "classify.estimator",
     "GestureError": "errors",
     "Neighbors": "types",
@@ -44,12 +49,15 @@ _PUBLIC = {
     "Settings": "settings",
     "SignalBatch": "types",
     "Signals": "types",
+    "Spotter": "spot.spotter",
     "classify_archive": "run.archive",
     "evaluate_archive": "run.evaluate",
+    "evaluate_events": "run.annotations",
     "explain": "run.explain",
     "hookimpl": "plugin.hooks",
     "load_poses": "run.archive",
     "load_settings": "settings",
+    "spot_archive": "run.archive",
     "warping_distances": "dtw.distances",
 }
 """Where each public name is, for when it is first used; the imports above say the same to type checkers."""

@@ -4,6 +4,7 @@ files are written whole or not at all, their content hashes, and how a name is p
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -12,7 +13,8 @@ import secrets
 import stat as modes
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -80,6 +82,73 @@ def _escaped(found: re.Match[str]) -> str:
     return f"\\x{code - 0xDC00:02x}" if 0xDC80 <= code <= 0xDCFF else ascii(found[0])[1:-1]
 
 
+def unreadable(path: Path) -> tuple[str, str] | None:
+    """Why ``path`` is no regular file: cause and remedy; None where it is one.
+
+    Links are followed, wherever they lead: archives of git-annex, DataLad and DVC, and the caches of hubs,
+    consist of them. What the system makes up (``/proc``, ``/sys``) counts as no file, as it may have no end.
+    """
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        return _lost(path) if path.is_symlink() else ("no such file", "check the path")
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            return "is a link that leads back to itself", "the file itself in its place"
+        return f"cannot be looked at: {error.strerror}", "check its permissions"
+    return _no_content(status)
+
+
+def _lost(link: Path) -> tuple[str, str]:
+    """Cause and remedy of a link that leads nowhere."""
+    target = link.readlink().as_posix()
+    for mark, remedy in _KEEPERS.items():
+        if mark in target:
+            return "is a link to content that is not here", remedy.format(name=printable(link.name))
+    return f"is a link that leads nowhere, to {printable(target)}", "the file itself, or another link"
+
+
+def _no_content(status: os.stat_result) -> tuple[str, str] | None:
+    if not modes.S_ISREG(status.st_mode):
+        return "is not a regular file", "leave it out"
+    if status.st_dev in _made_up():
+        return "is made up by the system, and no file", "leave it out"
+    return None
+
+
+@cache
+def _made_up() -> frozenset[int]:
+    """Devices of file systems whose files are no files."""
+    found = set()
+    for place in ("/proc", "/sys", "/sys/fs/cgroup", "/sys/kernel/debug", "/sys/kernel/tracing"):
+        with suppress(OSError):
+            found.add(os.stat(place).st_dev)  # noqa: PTH116 - a name of Linux
+    return frozenset(found) - {os.stat(os.sep).st_dev}  # noqa: PTH116
+
+
+_KEEPERS = {
+    "annex/objects/": "git annex get {name}, or datalad get {name}",
+    ".dvc/": "dvc pull",
+    "dvc/": "dvc pull",
+    "blobs/": "downloading it again, it lies in the cache of a hub",
+}
+"""What keeps the content of links, by a part of where they lead, and how to get it."""
+_POINTERS = {
+    b"version https://git-lfs": ("Git LFS", "git lfs pull"),
+    b"/annex/objects/": ("git-annex", "git annex get {name}"),
+}
+_LONGEST_POINTER = 1024
+
+
+def _pointer(path: Path, head: bytes) -> tuple[str, str] | None:
+    """Cause and remedy where a file that begins with ``head`` only stands for content that is elsewhere."""
+    for mark, (keeper, remedy) in _POINTERS.items():
+        if head.startswith(mark):
+            cause = f"is a pointer of {keeper}, and its content is not here"
+            return cause, remedy.format(name=printable(path.name))
+    return None
+
+
 def open_regular(path: Path, limit: int, error: type[GestureError], codes: tuple[str, str, str]) -> BinaryIO:
     """Open the regular file ``path`` of at most ``limit`` bytes for reading.
 
@@ -91,7 +160,8 @@ def open_regular(path: Path, limit: int, error: type[GestureError], codes: tuple
     error : type of GestureError
         What is raised.
     codes : three str
-        Where there is no such file, for what is no regular file or may not be read, for a larger one.
+        Where there is no such file, for what is no regular file (see `unreadable`), only a pointer to one or
+        may not be read, for a larger one.
 
     Raises
     ------
@@ -99,23 +169,28 @@ def open_regular(path: Path, limit: int, error: type[GestureError], codes: tuple
         With one of ``codes``.
     """
     name = printable(path)
-    missing, unreadable, too_large = codes
+    missing, closed, too_large = codes
     try:
         descriptor = os.open(path, _READ)
     except FileNotFoundError as cause:
-        raise error("no such file", subject=name, remedy="check the path", code=missing) from cause
+        fault = unreadable(path) or ("no such file", "check the path")
+        raise error(fault[0], subject=name, remedy=fault[1], code=missing) from cause
     except (OSError, ValueError) as cause:
         text = cause.strerror if isinstance(cause, OSError) else str(cause)
         raise error(
             f"cannot be opened: {text}",
             subject=name,
             remedy="check its permissions",
-            code=unreadable,
+            code=closed,
         ) from cause
     status = os.fstat(descriptor)
-    if not modes.S_ISREG(status.st_mode):
+    broken = _no_content(status)
+    if broken is None and status.st_size < _LONGEST_POINTER:
+        broken = _pointer(path, os.read(descriptor, 64))
+        os.lseek(descriptor, 0, os.SEEK_SET)
+    if broken:
         os.close(descriptor)
-        raise error("is not a regular file", subject=name, remedy="leave it out", code=unreadable)
+        raise error(broken[0], subject=name, remedy=broken[1], code=closed)
     if status.st_size > limit:
         os.close(descriptor)
         raise error(
@@ -191,6 +266,8 @@ def content_sha256(path: Path, on_piece: Callable[[], None] = lambda: None) -> s
         for entry in _regular_files(path):
             digest.update(os.fsencode(entry.name) + b"\0" + content_sha256(entry, on_piece).encode() + b"\n")
         return digest.hexdigest()
+    if fault := unreadable(path):
+        raise OSError(errno.EINVAL, fault[0], os.fspath(path))
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while piece := file.read(_PIECE):
@@ -215,11 +292,7 @@ def stamp(path: Path) -> str:
 
 def _regular_files(folder: Path) -> Iterator[Path]:
     for entry in sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name)):
-        try:
-            regular = modes.S_ISREG(entry.stat().st_mode)
-        except OSError:  # a link that leads nowhere holds nothing
-            continue
-        if regular:
+        if unreadable(entry) is None:  # a link that leads nowhere holds nothing
             yield entry
 
 

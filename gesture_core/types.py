@@ -173,6 +173,8 @@ class Signals:
         ``(mask_query | mask_example) & present_query & present_example``.
     source : str
         The input, as the user named it.
+    repaired : float
+        Share of the frames in which a joint was wrong and repaired.
     """
 
     values: np.ndarray
@@ -181,6 +183,7 @@ class Signals:
     mask: np.ndarray | None = None
     present: np.ndarray | None = None
     source: str = ""
+    repaired: float = 0.0
 
     def __post_init__(self) -> None:
         values = _single(self.values)
@@ -378,6 +381,8 @@ class Prediction:
         Salient channels of the query.
     code, message : str
         Empty when there is nothing to say.
+    note : str
+        What was done with the input and is worth knowing; mostly empty.
     """
 
     label: str | None
@@ -388,6 +393,38 @@ class Prediction:
     selected: tuple[str, ...] = ()
     code: str = ""
     message: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Event:
+    """One gesture in a long recording or a stream.
+
+    Attributes
+    ----------
+    input : str
+        The recording, as the user named it.
+    person : int
+        Track number; 0 for the first or only one.
+    start, end : float
+        Seconds in the recording's own time.
+    label : str
+    score : float
+        0 to 1: how far the distance is below the threshold of its class, as a share of it.
+    distance : float
+        Of the event to the example: mean squared difference over the geometric mean of both variances.
+    example : str
+        The nearest one.
+    """
+
+    input: str
+    person: int
+    start: float
+    end: float
+    label: str
+    score: float
+    distance: float
+    example: str
 
 
 _LONGEST = 10_000
@@ -419,7 +456,7 @@ class Row:
         What the input does not say and was assumed, or what was done with it that its file name does not
         tell: clauses, joined by semicolons; empty where there was nothing.
     start, end : float or None
-        Seconds of the first and the last frame in which the person was found.
+        Seconds of the first and the last frame in which the person was found; of an event, of the event.
     box : tuple of four floats, or empty
         Left, top, right and bottom of where the person was in all that time, in pixels of the upright picture
         (or in the unit of the keypoint file).
@@ -440,6 +477,10 @@ class Row:
         What found the keypoints: distribution and version.
     fingerprint : str
         Of everything that produced the row.
+    event : int
+        Number of the event in a long recording, from 1; 0 where a row is about the whole input.
+    score : float or None
+        That of an `Event`, where the row is about one.
     """
 
     input: str
@@ -465,6 +506,8 @@ class Row:
     attempts: int = 1
     plugin: str = ""
     fingerprint: str = ""
+    event: int = 0
+    score: float | None = None
 
     def as_record(self) -> dict[str, Any]:
         """The row as scalars: ``neighbors`` as JSON, ``selected`` joined by spaces, all text valid UTF-8."""
@@ -501,6 +544,8 @@ class Job:
         Folder of the keypoint store.
     keys : mapping
         Hashes of what decides the keypoints, parts of names in the store.
+    spot : bool
+        Examples are looked for in long recordings, instead of compared with whole inputs.
     threads : int
         Of one worker's numeric libraries.
     """
@@ -509,6 +554,7 @@ class Job:
     store: str
     keys: Mapping[str, str] = field(default_factory=dict)
     threads: int = 1
+    spot: bool = False
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from gesture_core.errors import ConfigError
 from gesture_core.plugin.interfaces import VideoLimits
 from gesture_core.settings import LimitSettings, Settings, load_settings, presets, settings_from_dict
 from gesture_core.settings.load import check_option
+from gesture_core.skeletons import SKELETONS
 
 
 def load(*sets: str, preset: str | Path | None = "paper", environment: dict[str, str] | None = None, **flags):  # type: ignore[no-untyped-def]
@@ -142,3 +143,45 @@ def test_an_option_of_a_plugin_that_takes_no_part_is_refused_by_those_who_ask() 
     check_option("numpy.anything", load(), "--set")
     with pytest.raises(ConfigError, match=r"'gaussian:wide' takes no part.*signals\.filters=…,gaussian:wide"):
         check_option("gaussian:wide.sigma", load(), "--set")
+
+
+@pytest.mark.parametrize("text", ["1920x1080", "1920,1080", "[1920,1080]", "[1920, 1080]", "1920 x 1080"])
+def test_a_frame_size_in_every_form(text: str) -> None:
+    for key in ("keypoints.frame_size", "frame_size"):
+        assert load(f"{key}={text}").keypoints.frame_size == (1920, 1080)
+    assert load("frame_size=none").keypoints.frame_size is None
+
+
+def test_an_order_is_a_skeleton_or_joints_in_any_spelling() -> None:
+    assert load("keypoints.order=h36m17").keypoints.skeleton is SKELETONS["h36m17"]
+    body = load("order=Nose,LShoulder,shoulder_r,tail").keypoints.skeleton
+    assert body and body.joints == ("nose", "left_shoulder", "right_shoulder", "tail") and body.has_neck
+
+
+@pytest.mark.parametrize(
+    ("setting", "hint"),
+    [
+        ("keypoints.axes=zx", "xy or yx"),
+        ("keypoints.unit=feet", "pixels or shares or metres"),
+        ("keypoints.frame_size=1920", "1920x1080"),
+        ("keypoints.frame_size=0x4", "1920x1080"),
+        ("keypoints.fps=0", "frames a second"),
+        ("keypoints.order=octopus", "coco17"),
+        ("keypoints.order=left_wrist,right_wrist", "both shoulders"),
+        ("keypoints.order=neck,LWrist,left_wrist", "left_wrist is there twice"),
+        ("pose.fps=25", "keypoints.fps"),
+        ("arrays.frame_size=1920x1080", "keypoints.frame_size"),
+        ("csv.fps=25", "keypoints.fps"),
+    ],
+)
+def test_what_keypoint_files_leave_open_is_checked(setting: str, hint: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load(setting)
+    assert hint in str(caught.value)
+
+
+def test_the_rate_of_an_old_run_is_kept() -> None:
+    tree = load().as_dict()
+    del tree["keypoints"]
+    tree["pose"]["fps"] = 25.0
+    assert settings_from_dict(tree).keypoints.fps == 25

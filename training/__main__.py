@@ -14,13 +14,14 @@ from . import settings as settings_module
 from .batches import Batches
 from .export import export
 from .label import label
+from .presence import presence
 from .render import render
 from .scenes import harvest, patches
 from .store import Store
 from .train import finished, train
 
 PACKAGED = Path(__file__).parents[1] / "plugins/gesture_pose_onnx/gesture_pose_onnx/models/compact.onnx"
-STEPS = ("label", "render", "train", "export", "evaluate", "show")
+STEPS = ("label", "render", "train", "export", "presence", "evaluate", "show")
 
 
 def track(things: Iterable[object], title: str) -> Iterator[object]:
@@ -67,6 +68,8 @@ def main() -> None:
         train(batches, settings, args.work)
     if "export" in steps:
         print(f"{args.out}: SHA-256 {export(finished(args.work, settings), args.out)}")
+    if "presence" in steps:
+        print(presence(args.out, args.shared, args.work, settings.seed, track))
     if "evaluate" in steps:
         from .evaluate import evaluate
 

@@ -20,6 +20,8 @@ _DECIMALS = 6
 _EQUAL = 1e-9
 # Classes whose nearest example is named beside an answer of weighted examples.
 _NAMED = 3
+# Share of frames with a repaired joint from which on a prediction says so.
+_MANY = 0.1
 # Status and message of a query that no example could be compared with.
 _NOTHING_TO_COMPARE: Mapping[str, tuple[Status, str]] = {
     "E_NO_SALIENT": (
@@ -236,10 +238,12 @@ def decide(
     predictions = []
     for index, named in enumerate(named_examples(distances, library.codes, votes, k)):
         query, code, winner = queries[index], codes[index], votes.winners[index]
-        selected = query.selected if isinstance(query, Signals) else ()
+        selected, note = (query.selected, _note(query)) if isinstance(query, Signals) else ((), "")
         if code in _NOTHING_TO_COMPARE:
             status, message = _NOTHING_TO_COMPARE[code]
-            predictions.append(Prediction(None, status, selected=selected, code=code, message=message))
+            predictions.append(
+                Prediction(None, status, selected=selected, code=code, message=message, note=note)
+            )
             continue
         label, distance, lead = str(library.classes[winner]), votes.distances[index], votes.margins[index]
         neighbors = tuple(
@@ -265,6 +269,14 @@ def decide(
                 selected,
                 code,
                 message,
+                note,
             )
         )
     return predictions
+
+
+def _note(query: Signals) -> str:
+    """What is worth knowing of the keypoints behind a query."""
+    if query.repaired < _MANY:
+        return ""
+    return f"joints that jumped, or left and right, were repaired in {query.repaired:.0%} of the frames"

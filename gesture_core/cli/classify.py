@@ -7,8 +7,17 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from gesture_core.cli.flags import SEVERAL, Flags, PoseFlags, RunFlags, Sources
-from gesture_core.cli.output import counted, named, print_rows, say, say_assumed, say_event, say_notes
+from gesture_core.cli.flags import SEVERAL, UNSAID, Flags, PoseFlags, RunFlags, Sources
+from gesture_core.cli.output import (
+    counted,
+    named,
+    print_rows,
+    say,
+    say_assumed,
+    say_event,
+    say_notes,
+    warnings_as_lines,
+)
 from gesture_core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -27,6 +36,7 @@ def classify(
     examples: Annotated[tuple[str, ...], SEVERAL],
     out: Path,
     labels: str = "folder",
+    label_columns: Annotated[str, UNSAID] = "",
     flags: Flags | None = None,
     run: RunFlags | None = None,
 ) -> int:
@@ -42,11 +52,41 @@ def classify(
     out
         The run folder: run.db holds the result. The same command again goes on where it stopped.
     labels
-        folder, a CSV file with path and label, or an expression for file names: '^(?P<label>[a-z]+)_'.
+        folder (the first below FOLDER), folder:-1 (the one that holds the clip) and other levels; a CSV
+        file with path and label; or an expression for file names: '^(?P<label>[a-z]+)_'.
+    label_columns
+        With a CSV file: its headings of path and label, such as filename,class; 1,2 where it has none.
     """
     if not examples:
         raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
-    return _execute(sources, out, flags, run, examples, labels)
+    return _execute(sources, out, flags, run, examples, labels, label_columns)
+
+
+def spot(
+    *sources: Sources,
+    examples: Annotated[tuple[str, ...], SEVERAL],
+    out: Path,
+    labels: str = "folder",
+    label_columns: Annotated[str, UNSAID] = "",
+    flags: Flags | None = None,
+    run: RunFlags | None = None,
+) -> int:
+    """Find the example gestures in long recordings: a row for every event.
+
+    Parameters
+    ----------
+    sources
+        As in gesture classify.
+    examples
+        As in gesture classify. A folder _none holds other movements, which are never an event.
+    out
+        The run folder; it is continued, exported and evaluated as that of gesture classify.
+    labels, label_columns
+        As in gesture classify.
+    """
+    if not examples:
+        raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
+    return _execute(sources, out, flags, run, examples, labels, label_columns, spot=True)
 
 
 def extract(*sources: Sources, out: Path, flags: PoseFlags | None = None, run: RunFlags | None = None) -> int:
@@ -69,6 +109,8 @@ def _execute(
     run: RunFlags | None,
     examples: tuple[str, ...] = (),
     labels: str = "folder",
+    label_columns: str = "",
+    spot: bool = False,
 ) -> int:
     """Run what a command asks for, show it, and return the exit code; without examples, only extract."""
     from gesture_core.run.pipeline import run_archive
@@ -85,16 +127,18 @@ def _execute(
         run.engine,
         run.retry_errors,
         run.overwrite,
+        label_columns,
+        spot,
     )
     if run.quiet:
         return run_archive(request).exit_code
     from gesture_core.cli.progress import progress
 
-    with progress(sources, examples) as listener:
+    with progress(sources, examples) as listener, warnings_as_lines(events=True):
         summary = run_archive(request, listener)
     rows = summary.rows()
-    print_rows(rows, classified=bool(examples))
-    say_summary(summary, rows)
+    print_rows(rows, "events" if spot else "labels" if examples else "keypoints")
+    say_summary(summary, () if spot else rows)
     return summary.exit_code
 
 
@@ -122,6 +166,7 @@ def say_summary(summary: RunSummary, rows: Sequence[Row] = ()) -> None:
         gone=summary.gone,
         assumed=dict(summary.assumed),
         notes=dict(summary.notes),
+        warnings=_warnings(summary),
         database=str(summary.out / "run.db"),
         fingerprint=summary.fingerprint,
         exit_code=summary.exit_code,
@@ -167,12 +212,21 @@ def _say_to_people(summary: RunSummary, labels: Counter[str], right: int | None)
     if right is not None:
         share = right / labels.total()
         say(f"{right} of {counted(labels.total(), 'label')} are those of the inputs' folders ({share:.1%})")
+    for warning in _warnings(summary):
+        say(warning)
+
+
+def _warnings(summary: RunSummary) -> list[str]:
+    """What makes labels less than they seem."""
+    found = []
     if len(summary.classes) == 1:
-        say("all examples have one label: every input that is near enough gets it")
+        found.append("all examples have one label: every input that is near enough gets it")
     if summary.inputs_among_examples == 1:
-        say("1 input is among the examples itself: its label is no result")
+        found.append("1 input is among the examples itself: its label is no result")
     elif summary.inputs_among_examples:
         number = summary.inputs_among_examples
-        say(f"{number} inputs are among the examples themselves: their labels are no result")
+        found.append(f"{number} inputs are among the examples themselves: their labels are no result")
     if summary.lost_classes:
-        say(f"no example of {', '.join(summary.lost_classes)} can be used: no input gets such a label")
+        lost = ", ".join(summary.lost_classes)
+        found.append(f"no example of {lost} can be used: no input gets such a label")
+    return found

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +28,7 @@ def evaluate(
     out: Path | None = None,
     flags: Flags | None = None,
     labels: str = "folder",
+    label_columns: Annotated[str, UNSAID] = "",
     subjects: Annotated[str, UNSAID] = "",
     protocol: str = "leave-one-subject-out",
     train: Annotated[str, UNSAID] = "",
@@ -36,24 +40,33 @@ def evaluate(
         ),
     ] = (),
     workers: Workers = 0,
+    events: Path | None = None,
 ) -> int:
-    """Measure the accuracy of a preset on a labelled archive.
+    """Measure the accuracy of a preset on a labelled archive, or of events against annotations.
 
     Parameters
     ----------
     sources
-        Videos and keypoint files, as in gesture classify; all of them need a label.
+        Videos and keypoint files, as in gesture classify; all of them need a label. With --events the folder
+        of a run of gesture spot.
     out
         Folder for evaluation.json, answers.csv, confusion.png and rejection.png.
     labels
-        As in gesture classify: folder, a CSV file with path and label, or a regular expression.
+        As in gesture classify: folder, folder:-1, a CSV file with path and label, or a regular expression.
+    label_columns
+        With a CSV file: its headings of path and label, such as filename,class; 1,2 where it has none.
     subjects
         Regular expression whose group (?P<subject>...), or first group, finds who performs in the name.
     protocol
         leave-one-subject-out, leave-one-out, donor (one subject gives one example a class), or split.
     train
         With --protocol split: a regular expression that finds the examples by their names.
+    events
+        Annotations to compare the events of a run with: ELAN, WebVTT or CSV (input, start, end, label), a
+        file or a folder. Nothing is computed again, and the other options take no part.
     """
+    if events is not None:
+        return _evaluate_events(sources, events)
     from gesture_core.cli.progress import progress
     from gesture_core.run.evaluate import evaluate_archive
 
@@ -66,6 +79,7 @@ def evaluate(
             settings,
             protocol=protocol,
             labels=labels,
+            label_columns=label_columns,
             subjects=subjects,
             train=train,
             grid=values,
@@ -88,6 +102,36 @@ def evaluate(
     _print_thresholds(best)
     _say_flaws(result)
     return 3 if result.unreadable else 0
+
+
+def _evaluate_events(sources: Sequence[str], annotations: Path) -> int:
+    """Print how well the events of a run fit annotations: a table on a terminal, otherwise a line of JSON."""
+    from gesture_core.run.annotations import evaluate_events
+    from gesture_core.spot.evaluation import POINT
+
+    if len(sources) != 1:
+        raise ConfigError(f"--events with {len(sources)} sources", remedy="one run folder", code="E_OPTION")
+    scores = evaluate_events(sources[0], annotations)
+    if not sys.stdout.isatty():
+        print(json.dumps(asdict(scores)))
+        return 0
+    rows = [
+        [f"overlap {key:g}" if key else f"within {POINT:g} s", f"{scores.f1[key]:.1%}",
+         f"{scores.precision[key]:.1%}", f"{scores.recall[key]:.1%}"]
+        for key in scores.f1
+    ]  # fmt: skip
+    print(
+        f"{counted(scores.reported, 'event')}, {counted(scores.annotated, 'annotation')}, "
+        f"{scores.minutes:.1f} min"
+    )
+    print_table(["met", "F1", "precision", "recall"], rows, right=["F1", "precision", "recall"])
+    late = (
+        ""
+        if scores.lateness is None
+        else f"; they end {scores.lateness:+.2f} s from the annotations (median)"
+    )
+    print(f"{scores.false_alarms:.1f} false alarms a minute, mean overlap {scores.jaccard:.1%}{late}")
+    return 0
 
 
 def _grid(texts: Sequence[str]) -> dict[str, list[str]]:

@@ -1,4 +1,4 @@
-"""``gesture export``: the rows of a run as a file."""
+"""``gesture export``: the rows of a run as a file, or its events as files of other programs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from gesture_core.cli.flags import UNSAID
-from gesture_core.cli.output import check_file
+from gesture_core.cli.output import check_file, check_folder, counted
 from gesture_core.errors import ConfigError
 from gesture_core.plugin import registry
 from gesture_core.settings import load_settings
@@ -24,18 +24,25 @@ def export(
     format: str | None = None,
     to: Annotated[str, UNSAID, Parameter(name=["--to", "-o"], allow_leading_hyphen=True)] = "",
 ) -> None:
-    """Write the rows of a run as CSV, Parquet or JSON lines.
+    """Write the rows of a run as CSV, Parquet or JSON lines, or its events for ELAN and as subtitles.
 
     Parameters
     ----------
     run
         The run folder.
     format
-        csv, parquet, jsonl, or a result writer of a plugin; by default as --to ends, or csv.
+        csv, parquet, jsonl, or a result writer of a plugin; by default as --to ends, or csv. The events of
+        gesture spot also as eaf (ELAN), vtt or srt, a file for each input, or activitynet (one JSON file).
     to
-        The file, or - for standard output; <run>/results.<format> by default.
+        The file, or - for standard output; <run>/results.<format> by default. For eaf, vtt and srt a folder,
+        <run>/events by default.
     """
+    from gesture_core.report.event_files import FORMATS
     from gesture_core.run.export import export_rows
+
+    if format in FORMATS:
+        _export_events(run, format, to)
+        return
 
     limits = load_settings().limits
     if to != "-":
@@ -59,3 +66,18 @@ def export(
                 raise ConfigError(f"{format} is not text", remedy="--to FILE, or a pipe", code="E_OPTION")
             file.seek(0)
             shutil.copyfileobj(file, sys.stdout.buffer)
+
+
+def _export_events(run: Path, format: str, to: str) -> None:
+    """Write the events of a run, and say where."""
+    from gesture_core.report.event_files import write_event_files
+    from gesture_core.run.results import open_results
+
+    if to == "-":
+        raise ConfigError(f"--to - with --format {format}", remedy="--to a file or folder", code="E_OPTION")
+    one = format == "activitynet"
+    target = Path(to) if to else run / ("events.json" if one else "events")
+    check_file(target, flag="--to") if one else check_folder(target, flag="--to")
+    with open_results(run) as results, results.failures():
+        written = write_event_files(results.rows(), format, target)
+    print(written[0] if len(written) == 1 else f"{target}: {counted(len(written), 'file')}")

@@ -36,6 +36,7 @@ app = App(
 
 _COMMANDS = {
     "classify": "Label every input by the example gestures that it resembles.",
+    "spot": "Find the example gestures in long recordings: what happened when.",
     "extract": "Find keypoints only, and write them to files.",
     "evaluate": "Measure the accuracy of a preset on a labelled archive.",
     "explain": "Show why an input of a run got its label.",
@@ -50,6 +51,7 @@ _COMMANDS = {
 }
 _PLACES = {
     "extract": "classify:extract",
+    "spot": "classify:spot",
     "models": "models:app",
     "cache": "cache:app",
     "plugins": "plugins:app",
@@ -235,6 +237,6 @@ def _refused(error: OSError) -> str:
 
 
 def _interrupted(arguments: Sequence[str]) -> str:
-    if arguments[:1] in (["classify"], ["extract"], ["evaluate"]):  # keypoints that were found are kept
+    if arguments and arguments[0] in ("classify", "spot", "extract", "evaluate"):  # keypoints are kept
         return f"interrupted; resume with: gesture {shlex.join(arguments)}"
     return "interrupted"

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from gesture_core.errors import Code, ConfigError, InputError
 from gesture_core.files import printable
@@ -28,6 +28,8 @@ _ROWS_SHOWN = 60
 _REASONS_SHOWN = 20
 _NOTES_SHOWN = 8
 _WORST = ("error", "degraded", "rejected", "skipped", "ok")
+Table = Literal["labels", "events", "keypoints"]
+"""What the rows of a run are about."""
 _STYLES = {"ok": "green", "degraded": "yellow", "rejected": "yellow", "skipped": "dim", "error": "red"}
 
 
@@ -49,11 +51,21 @@ def _to_standard_error(line: str) -> None:
 
 
 @contextmanager
-def warnings_as_lines() -> Iterator[None]:
-    """What functions of the package warn of in the block, as lines for people."""
+def warnings_as_lines(*, events: bool = False) -> Iterator[None]:
+    """What functions of the package warn of in the block, as lines for people.
+
+    With ``events``, as lines for programs where standard error is no terminal.
+    """
+
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        if events and not sys.stderr.isatty():
+            say_event("warning", message=printable(str(message)))
+        else:
+            say(str(message))
+
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)
-        warnings.showwarning = lambda message, *_: say(str(message))
+        warnings.showwarning = show
         yield
 
 
@@ -101,7 +113,7 @@ def print_list(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
         print(json.dumps(dict(zip(columns, row, strict=True)), ensure_ascii=False))
 
 
-def print_rows(rows: Sequence[Row], *, classified: bool = True) -> None:
+def print_rows(rows: Sequence[Row], what: Table = "labels") -> None:
     """The result: a table and what went wrong on a terminal, JSON lines otherwise."""
     if not sys.stdout.isatty():
         from gesture_core.run.export import json_line
@@ -109,7 +121,7 @@ def print_rows(rows: Sequence[Row], *, classified: bool = True) -> None:
         for row in rows:
             print(json_line(row.as_record()))
         return
-    row_table(rows[:_ROWS_SHOWN], classified=classified)
+    row_table(rows[:_ROWS_SHOWN], what)
     if len(rows) > _ROWS_SHOWN:
         print(f"… and {counted(len(rows) - _ROWS_SHOWN, 'more row')}: gesture export writes all of them")
     print_reasons(rows)
@@ -152,11 +164,13 @@ def _print_group(rows: Sequence[Row]) -> None:
         print(f"… and {len(rows) - len(shown)} more of them")
 
 
-def row_table(rows: Sequence[Row], *, classified: bool = True) -> None:
-    """One line for each row: input, then label, distance, margin, nearest example or frames, and status."""
+def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
+    """One line for each row: input, then what is known of its label, event or keypoints, and status."""
     from rich.text import Text
 
-    if classified:
+    if what == "events":
+        columns, right = ["input", "start", "end", "label", "score", "nearest example", "status"], [1, 2, 4]
+    elif what == "labels":
         columns, right = ["input", "label", "distance", "margin", "nearest example", "status"], [2, 3]
     else:
         columns = ["input", "frames", "looked at", "with a pose", "seconds", "status"]
@@ -170,7 +184,12 @@ def row_table(rows: Sequence[Row], *, classified: bool = True) -> None:
     for row in rows:
         name = row.input.removeprefix(base) + (f" #{row.person}" if row.person else "")
         status = Text(printable(f"{row.status} {row.code}".strip()), _STYLES[row.status])
-        if classified:
+        if what == "events":
+            start, end, score = (
+                "" if value is None else f"{value:.2f}" for value in (row.start, row.end, row.score)
+            )
+            cells.append([name, start, end, row.label or "-", score, _nearest(row), status])
+        elif what == "labels":
             numbers = ["" if value is None else f"{value:.3f}" for value in (row.distance, row.margin)]
             cells.append([name, row.label or "-", *numbers, _nearest(row, clips), status])
         else:

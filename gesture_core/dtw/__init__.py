@@ -10,6 +10,7 @@ Plugins of distance kernels may import, besides ``gesture_core.plugin.hooks`` an
 - `gesture_core.dtw.bands`: `is_banded`, `has_holes`, `row_spans`, `allowed_cells`
 - `gesture_core.dtw.batches`: `used_dimensions`, `weighted`, `lane_cost`, `warping_dtype`, `FAR`, `UNREACHED`
 - `gesture_core.dtw.lanes`: `LaneKernel`, `GradientLaneKernel`, `Lanes`, `Prepared`, `UNBOUNDED`
+- `gesture_core.dtw.subsequence`: `SubsequenceState`, `UNREACHABLE`, `BORDER`
 - `gesture_core.types`: `SignalBatch`; `gesture_core.cores`: `usable_cores`; ``gesture_core.errors``
 - in their tests `gesture_core.testing`
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
 from gesture_core.errors import ConfigError
 
@@ -140,6 +140,9 @@ class VideoReport:
         What was found, one clause each.
     reader : str
         Name of the video reader.
+    assumed : str
+        What the file does not say and was assumed, such as the frame rate of a stream without times, with
+        the setting that says otherwise.
     """
 
     frames_declared: int | None
@@ -148,6 +151,7 @@ class VideoReport:
     complete: bool
     notes: tuple[str, ...] = ()
     reader: str = ""
+    assumed: str = ""
 
 
 class Video(Protocol):
@@ -398,6 +402,21 @@ class Filter(Protocol):
 
 
 @runtime_checkable
+class StreamStep(Protocol):
+    """A normalizer or filter that looks at a whole sequence, and has a form for long recordings.
+
+    Any other step is taken as it is: what it makes of a frame should depend on the frames near it alone.
+    """
+
+    def on_stream(self, mean: float) -> Self:
+        """The same step with nothing in it that needs the whole sequence.
+
+        Where it subtracts a mean, that of ``mean`` seconds around each frame; none where that is zero.
+        """
+        ...
+
+
+@runtime_checkable
 class Selector(Protocol):
     """Chooses the salient dimensions of one sequence."""
 
@@ -413,7 +432,7 @@ class DistanceKernel(Protocol):
     Constructed without options or with them as keywords. The same pair must give the same bits in
     whatever batch it travels. ``state`` is the kernel's own: the caller hands back what `prepare`
     returned. A kernel that can do more has the methods of `PairKernel`, `BoundedKernel`,
-    `GradientKernel`, `LowerBoundKernel`, `ApproximateKernel` or `DeviceKernel` as well.
+    `GradientKernel`, `LowerBoundKernel`, `SubsequenceKernel`, `ApproximateKernel` or `DeviceKernel` as well.
     """
 
     def supports(self, spec: DtwSpec) -> bool:
@@ -487,6 +506,40 @@ class LowerBoundKernel(DistanceKernel, Protocol):
 
         ``query`` is (D, n), ``lower`` and ``upper`` are (N, D, n), all float64; with ``squared`` the
         squares are summed.
+        """
+        ...
+
+
+class Subsequences(Protocol):
+    """Examples that are looked for in one stream, and how far into them it is now."""
+
+    def push(self, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Take the next (B, D) ``frames`` of the stream.
+
+        Returns
+        -------
+        distances : (B, N) float64
+            Of the best subsequence that ends in each frame to each example, as
+            `gesture_core.dtw.subsequence` defines it; infinite where none can end there yet.
+        lengths : (B, N) int32
+            Frames of that subsequence; 0 where there is none.
+        """
+        ...
+
+
+@runtime_checkable
+class SubsequenceKernel(DistanceKernel, Protocol):
+    """A distance kernel that finds examples inside a stream (SPRING: Sakurai, Faloutsos, Yamamuro 2007).
+
+    The same frames give the same bits, in whatever blocks they come.
+    `gesture_core.dtw.subsequence.SubsequenceState` is a base for what `subsequences` returns.
+    """
+
+    def subsequences(self, examples: Sequence[np.ndarray], floor: float) -> Subsequences:
+        """A stream that begins now, and in which ``examples``, (m, D) arrays, are looked for.
+
+        ``floor`` is added to the variances that divide a cost, so that what stands still is not
+        compared by its noise.
         """
         ...
 

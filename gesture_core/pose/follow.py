@@ -191,6 +191,11 @@ class Follower:
         self._window = None
         return self.anatomy.body(self._look([frame], self._search(frame))[0])
 
+    def look_at(self, frame: np.ndarray, body: Body) -> Person | None:
+        """What the backend sees in the window around a body that is known from elsewhere."""
+        window = Window.around(body, self.size, (frame.shape[1], frame.shape[0]))
+        return self._look([frame], window)[0]
+
     def _look(self, frames: Sequence[np.ndarray], window: Window) -> list[Person | None]:
         found = self.backend.estimate([window.view(frame) for frame in frames])
         return [window.back(people[0]) if people else None for people in found]

@@ -68,7 +68,9 @@ def load_poses(
         warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)
     for item in items:
         if item.kind == "broken":
-            raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
+            raise InputError(
+                item.fault, subject=item.name, remedy=item.remedy or "repairing it", code=item.code
+            )
     extracted = extract_all(items, ready, workers=workers)
     by_key = {item.key: found for item, found in extracted}
     poses: list[PoseSequence] = []
@@ -87,6 +89,7 @@ def classify_archive(
     settings: Settings | str | None = None,
     *,
     labels: str = "folder",
+    label_columns: str = "",
     workers: int = 0,
     engine: str = "processes",
     retry_errors: bool = False,
@@ -105,7 +108,10 @@ def classify_archive(
     settings, workers, changes
         As in `load_poses`.
     labels : str
-        ``"folder"``, a CSV file, or a regular expression with a group ``label``.
+        ``"folder"``, or ``"folder:-1"`` and other levels; a CSV file; or a regular expression with a group
+        ``label``.
+    label_columns : str
+        With a CSV file: the headings of path and label, such as ``"filename,class"``.
     engine : str
         Name of an execution engine: ``processes``, or ``inline`` for debugging.
     retry_errors, overwrite : bool
@@ -129,6 +135,47 @@ def classify_archive(
         engine,
         retry_errors=retry_errors,
         overwrite=overwrite,
+        label_columns=label_columns,
+    )
+    return run_archive(request, listener)
+
+
+def spot_archive(
+    sources: Sources,
+    examples: Sources,
+    out: str | os.PathLike[str] | None = None,
+    settings: Settings | str | None = None,
+    *,
+    labels: str = "folder",
+    workers: int = 0,
+    engine: str = "processes",
+    retry_errors: bool = False,
+    overwrite: bool = False,
+    listener: Listener | None = None,
+    **changes: Any,
+) -> RunSummary:
+    """Find the examples in long recordings: `gesture spot` as a function.
+
+    The parameters are those of `classify_archive`. An example called ``_none`` is a movement that is no
+    gesture.
+
+    Returns
+    -------
+    RunSummary
+        ``summary.rows()`` has a row for every event, and one for each input without any.
+    """
+    folder = Path(out) if out is not None else Path(tempfile.mkdtemp(prefix="gesture-run-"))
+    request = RunRequest(
+        as_strings(sources),
+        folder,
+        _settings(settings, changes),
+        as_strings(examples),
+        labels,
+        workers,
+        engine,
+        retry_errors=retry_errors,
+        overwrite=overwrite,
+        spot=True,
     )
     return run_archive(request, listener)
 

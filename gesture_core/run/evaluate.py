@@ -111,6 +111,7 @@ def evaluate_archive(
     *,
     protocol: str = "leave-one-subject-out",
     labels: str = "folder",
+    label_columns: str = "",
     subjects: str = "",
     train: str = "",
     grid: Mapping[str, Sequence[Any]] | None = None,
@@ -134,6 +135,8 @@ def evaluate_archive(
         subject in turn), or ``split``.
     labels : str
         ``folder``, a CSV file, or a regular expression with a group ``label``, as in `classify_archive`.
+    label_columns : str
+        With a CSV file: the headings of path and label, such as ``"filename,class"``.
     subjects : str
         Regular expression whose group ``subject``, or first group, finds who performs in the name of a file;
         by default the group ``subject`` of ``labels``, if it has one.
@@ -186,14 +189,14 @@ def evaluate_archive(
     for point, candidate in zip(points, candidates, strict=True):
         check_settings(candidate)
         for key in point:
-            if find_key(key, ready, "--grid")[0] in ("pose", "keypoints"):
+            if find_key(key, ready, "--grid")[0] in ("video", "pose", "keypoints"):
                 raise ConfigError(
                     f"--grid {key}: keypoints are extracted once",
                     remedy="one evaluation for each value, with --set",
                     code="E_OPTION",
                 )
             check_option(key, candidate, "--grid")
-    items = _labelled(as_strings(sources), labels, avoid, ready)
+    items = _labelled(as_strings(sources), labels, label_columns, avoid, ready)
     who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
     examples = _examples(items, train, protocol)
     neighbors = max(candidate.classify.neighbors for candidate in candidates)
@@ -260,7 +263,8 @@ def _load(
     """
     identity = pose_identity(settings, any(item.kind == "video" for item in items))
     poses: list[PoseSequence | GestureError] = [
-        InputError(item.fault, subject=item.name, code=item.code or None) for item in items
+        InputError(item.fault, subject=item.name, remedy=item.remedy, code=item.code or None)
+        for item in items
     ]
     hashes = [""] * len(items)
     assumed: Counter[str] = Counter()
@@ -281,7 +285,9 @@ def _load(
     return poses, hashes, identity, assumed
 
 
-def _labelled(sources: Sequence[str], labels: str, avoid: Path | None, settings: Settings) -> list[Input]:
+def _labelled(
+    sources: Sequence[str], labels: str, columns: str, avoid: Path | None, settings: Settings
+) -> list[Input]:
     """The inputs with their labels; those that cannot be read are among them and count as wrong."""
     every = discover(sources, avoid=avoid, settings=settings)
     found = [item for item in every if item.kind != "other"]
@@ -295,10 +301,12 @@ def _labelled(sources: Sequence[str], labels: str, avoid: Path | None, settings:
     if others := [printable(item.name) for item in every if item.kind == "other"]:
         count = f"{len(others)} file{'s' if others[1:] else ''}"
         _warn(f"left out as neither video nor keypoints: {count}, {_some(others)}")
-    labelled = label_inputs(found, labels, sources)
+    labelled = label_inputs(found, labels, sources, columns)
     for item in labelled:
         if not item.label:
-            raise InputError(item.fault, subject=item.name, remedy="repairing it", code=item.code)
+            raise InputError(
+                item.fault, subject=item.name, remedy=item.remedy or "repairing it", code=item.code
+            )
     if len({item.label for item in labelled}) == 1:
         raise ConfigError(
             f"every input is called {labelled[0].label!r}: there is nothing to tell apart",

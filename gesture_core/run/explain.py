@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from gesture_core.classify import explanation
 from gesture_core.classify.explanation import Explanation
 from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import GestureError, InputError, RunFolderError
+from gesture_core.files import printable
 from gesture_core.run.evaluate import people_of
 from gesture_core.run.inputs import Input, discover
 from gesture_core.run.pipeline import Listener
@@ -82,8 +83,14 @@ def explain(
     with open_results(run) as results:
         rows = list(results.rows())
         row = _row(rows, input, person)
+        if row.event or row.code == "E_NO_EVENT":
+            raise RunFolderError(
+                "is a run of gesture spot, and events have no explanation yet", subject=os.fspath(run),
+                remedy="a clip of the event, and gesture classify", code="E_NO_RUN",
+            )  # fmt: skip
         configuration = json.loads(results.get("configuration") or "{}")
         left_out = {failed.input for failed in results.rows("example")}
+        place = results.place_of(row.input)
     if not configuration.get("examples"):
         raise RunFolderError(
             "holds keypoints only, nothing was classified",
@@ -97,7 +104,9 @@ def explain(
     hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
     recognizer = open_fitted(Path(run), row.fingerprint)
     settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])
-    people = _people({row.input: row.sha256} if recognizer else hashes, settings, listener)
+    places = {name: known["path"] for name, known in examples.items() if "path" in known}
+    wanted = {row.input: row.sha256} if recognizer else hashes
+    people = _people(wanted, places | {row.input: os.fspath(place or "")}, settings, listener)
     query = _query(row, people, settings)
     recognizer = recognizer or _recognizer(examples, people, settings)
     distances = recognizer.distances([query])[0]
@@ -106,20 +115,22 @@ def explain(
 
 
 def _people(
-    hashes: Mapping[str, str], settings: Settings, listener: Listener | None
+    hashes: Mapping[str, str], places: Mapping[str, str], settings: Settings, listener: Listener | None
 ) -> dict[str, list[PoseSequence]]:
     """People of each input by its name, from the keypoint store or extracted again.
 
     ``hashes`` are the content hashes that the run saw; an input that has changed since is an error.
-    An input that cannot be read is left out.
+    An input that cannot be read is left out. ``places`` are absolute paths, where the run knows them.
     """
+    paths = {name: _path(name, places.get(name, "")) for name in hashes}
     spellings: dict[str, list[str]] = {}  # an input may be an example too, under another name
-    for name in hashes:
-        spellings.setdefault(_place(name), []).append(name)
-    items = [item for item in _inputs(hashes, settings) if _place(item.name) in spellings]
+    for name, path in paths.items():
+        spellings.setdefault(_place(path, name.partition("::")[2]), []).append(name)
+    found_items = _inputs(paths, settings)
+    items = [item for item in found_items if _place(item.path, printable(item.member)) in spellings]
     people: dict[str, list[PoseSequence]] = {}
     for item, found, sequences in people_of(items, settings, listener=listener):
-        for name in spellings[_place(item.name)]:
+        for name in spellings[_place(item.path, printable(item.member))]:
             if found.sha256 and found.sha256 != hashes[name]:
                 raise InputError(
                     "has changed since the run",
@@ -132,22 +143,26 @@ def _people(
     return people
 
 
-def _place(name: str) -> str:
+def _path(name: str, place: str) -> Path:
+    """Where an input is: at its place, or, after a move, where its name leads from here."""
+    typed = Path(name.partition("::")[0])
+    return typed if not place or (typed.exists() and not Path(place).exists()) else Path(place)
+
+
+def _place(path: Path, member: str) -> str:
     """The same for all spellings of an input."""
-    path, _, member = name.partition("::")
-    return f"{Path(path).resolve()}::{member}"
+    return f"{path.resolve()}::{member}"
 
 
-def _inputs(names: Iterable[str], settings: Settings) -> list[Input]:
-    """What is in the files and folders that ``names`` lie in; each is looked into once."""
-    paths = dict.fromkeys(name.partition("::")[0] for name in names)
+def _inputs(paths: Mapping[str, Path], settings: Settings) -> list[Input]:
+    """What is in the files and folders of inputs, by their names; each is looked into once."""
     try:
-        return discover(list(paths), settings=settings)
+        return discover(list(dict.fromkeys(paths.values())), settings=settings)
     except InputError as error:
         raise InputError(
             "is not where the run found it",
             subject=error.subject,
-            remedy="gesture explain in the folder in which gesture classify was run, or to put it back",
+            remedy="to put it back",
             code=error.code,
         ) from None
 

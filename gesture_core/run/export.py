@@ -136,9 +136,9 @@ class ParquetWriter:
         import pyarrow.parquet as pq
 
         types = {
-            **{name: pa.int64() for name in ("person", "frames_declared", "frames_read", "frames_looked_at")},
-            **{name: pa.int64() for name in ("frames_with_pose", "attempts")},
-            **{name: pa.float64() for name in ("distance", "margin", "seconds", "start", "end")},
+            **{name: pa.int64() for name in ("person", "event", "frames_declared", "frames_read")},
+            **{name: pa.int64() for name in ("frames_looked_at", "frames_with_pose", "attempts")},
+            **{name: pa.float64() for name in ("start", "end", "score", "distance", "margin", "seconds")},
         }
         schema = pa.schema([(name, types.get(name, pa.string())) for name in columns])
         with replacing(path) as temporary, pq.ParquetWriter(os.fspath(temporary), schema) as writer:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import gesture_core
@@ -55,6 +58,7 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
         "package": gesture_core.__version__,
         "extraction": REVISION,
         "settings": pose,
+        "fps": settings.video.fps,
         "backend": backend if backend == "auto" else plugins.find("pose", backend).identity,
         "options": settings.plugin_options(settings.pose.backend),
         "reader": {
@@ -88,30 +92,64 @@ def run_configuration(
     identity: Mapping[str, Any],
     examples: Sequence[tuple[Input, str]],
     kernel: str,
+    spot: bool = False,
 ) -> dict[str, Any]:
     """What decides the result of a run; ``examples`` come with their content hashes.
 
-    Without a ``kernel`` nothing is compared, and only what decides the keypoints counts.
+    With ``spot`` they are looked for in long recordings. Without a ``kernel`` nothing is compared, and
+    only what decides the keypoints counts.
     """
     if not kernel:
-        tree = settings.as_dict()
-        pose = {section: tree[section] for section in ("pose", "keypoints")}
+        tree = _placed(settings).as_dict()
+        pose = {section: tree[section] for section in ("video", "pose", "keypoints")}
         return {"settings": pose, "keypoints": dict(identity), "plugins": {}, "examples": {}}
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     steps = [registry().find(kind, name.partition(":")[0]) for kind, name in settings.plugins()]
-    tree = settings.as_dict()
+    tree = _placed(settings).as_dict()
     del tree["limits"]
+    if not spot:
+        del tree["spot"]
     return {
         "settings": tree,
         "keypoints": dict(identity),
         "plugins": {f"{step.kind} {step.name}": step.identity for step in steps},
-        "examples": {item.name: {"label": item.label, "sha256": sha256} for item, sha256 in examples},
+        "examples": {
+            item.name: {
+                "label": item.label,
+                "sha256": sha256,
+                "member": item.member,
+                "path": os.fsdecode(item.place),
+            }
+            for item, sha256 in examples
+        },
     }
 
 
+def _placed(settings: Settings) -> Settings:
+    """The settings with the file of a model, if it is one, as it is found from any folder."""
+    model = Path(settings.pose.model).expanduser()
+    if model.name == settings.pose.model or not model.is_file():
+        return settings
+    return replace(settings, pose=replace(settings.pose, model=str(model.absolute())))
+
+
 def fingerprint(configuration: Mapping[str, Any]) -> str:
-    """Sixteen hexadecimal digits that change when anything in ``configuration`` does."""
-    return tree_sha256(configuration)[:16]
+    """Sixteen hexadecimal digits that change when anything in ``configuration`` does that decides a result.
+
+    Of examples that is what is in them and their labels, not where they are.
+    """
+    tree = dict(configuration)
+    if "examples" in tree:
+        tree["examples"] = sorted(map(list, _contents(tree["examples"]).values()))
+    return tree_sha256(tree)[:16]
+
+
+def _contents(examples: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str, str]]:
+    """Label, content and sequence of each example, by its name."""
+    return {
+        name: (str(known["label"]), known["sha256"], known.get("member", name.partition("::")[2]))
+        for name, known in examples.items()
+    }
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
@@ -120,7 +158,7 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     Settings come first, by the keys that ``--set`` takes; of a plugin only another version is said,
     because a setting says that another one was chosen.
     """
-    before, after = _said(old), _said(new)
+    before, after = _said(old, new), _said(new, old)
     lines = []
     for key in sorted(before.keys() | after.keys()):
         one, other = before.get(key, _ABSENT), after.get(key, _ABSENT)
@@ -132,15 +170,18 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
 _ABSENT = "(absent)"
 
 
-def _said(configuration: Mapping[str, Any]) -> dict[tuple[int, str], Any]:
-    """What a user is told of a configuration, by rank and key."""
+def _said(configuration: Mapping[str, Any], other: Mapping[str, Any]) -> dict[tuple[int, str], Any]:
+    """What a user is told of a configuration beside another one, by rank and key."""
     tree = dict(configuration)
     settings, plugins, examples = (tree.pop(part, {}) for part in ("settings", "plugins", "examples"))
     said = {(0, ".".join(path).removeprefix("options.")): value for path, value in _leaves(settings)}
     said |= {(1, f"plugin {name}"): origin for name, origin in plugins.items()}
     said |= {(2, " ".join(path)): value for path, value in _leaves(tree)}
-    for name, known in examples.items():
-        said[3, f"example {name}"] = f"{known['label']} ({known['sha256'][:12]})"
+    there = Counter(_contents(other.get("examples", {})).values())
+    for name, content in _contents(examples).items():
+        if not there[content]:
+            said[3, f"example {name}"] = f"{content[0]} ({content[1][:12]})"
+        there[content] -= there[content] > 0
     return said
 
 

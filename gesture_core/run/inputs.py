@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-import csv
 import errno
 import glob
 import os
-from collections.abc import Iterable, Iterator, Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
-from gesture_core.files import printable
+from gesture_core.files import printable, unreadable
+from gesture_core.run.manifests import read_manifest
 from gesture_core.run.readers import Readers
 from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 from gesture_core.types import Job
+from gesture_core.video.containers import begins_as_video
 
 VIDEO_SUFFIXES = frozenset(
     ".mp4 .m4v .mov .qt .avi .mkv .webm .flv .f4v .wmv .asf .mpg .mpeg .m2v .vob .ts .mts .m2ts "
     ".3gp .3g2 .ogv .ogg .mxf .dv .gif .264 .h264 .265 .h265 .hevc .mjpg .mjpeg .y4m".split()
 )
+SOUND_SUFFIXES = frozenset(".m4a .m4b .m4r .mka .weba .oga .opus .spx .wma .mp3 .wav .flac .aac".split())
 PICTURE_SUFFIXES = frozenset(".jpg .jpeg .png .bmp .ppm .tif .tiff .webp".split())
+# What lies beside clips and never is one: notes, subtitles, thumbnails, and what file managers leave.
+COMPANIONS = frozenset(
+    ".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .xml .yaml .yml .toml .ini .db .lnk".split()
+)
 FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4)"
 """What to try with a picture."""
-NO_TEXT, SAVE_AS_TEXT = "is not text in UTF-8", "saving it as UTF-8"
-_PATH_COLUMNS = ("path", "input", "file", "video")
 
 
 @dataclass(frozen=True)
@@ -49,8 +54,8 @@ class Input:
         Name of the keypoint reader.
     label : str or None
         The gesture, for examples and labelled archives.
-    code, fault : str
-        Why it cannot be read, where that is already known.
+    code, fault, remedy : str
+        Why it cannot be read, where that is already known, and what helps.
     """
 
     path: Path
@@ -61,6 +66,7 @@ class Input:
     label: str | None = None
     code: str = ""
     fault: str = ""
+    remedy: str = ""
 
     @property
     def key(self) -> bytes:
@@ -100,6 +106,11 @@ def discover(
         Each once, sorted by name within a folder. Names that begin with a dot, and the journals of
         runs, are passed over.
 
+    Warns
+    -----
+    UserWarning
+        Where one of several sources holds nothing.
+
     Raises
     ------
     InputError
@@ -111,12 +122,16 @@ def discover(
             return discover(sources, avoid=avoid, assistant=own)
     walk = _Walk(avoid, Readers(assistant))
     found: dict[bytes, Input] = {}
+    empty = []
     for source in sources:
         if "://" in os.fspath(source):
             raise InputError(
                 "is an address", subject=str(source), remedy="downloading it first", code="E_NOT_FOUND"
             )
-        for item in walk.source(Path(source)):
+        before, items = walk.passed, list(walk.source(Path(source)))
+        if not items and walk.passed == before:
+            empty.append(printable(os.fspath(source)))
+        for item in items:
             known = found.setdefault(item.key, item)
             if known.label and item.label and known.label != item.label:
                 raise InputError(
@@ -125,6 +140,8 @@ def discover(
                     remedy="one line for it in the manifest",
                     code="E_CONTRADICTION",
                 )
+    if empty and found:
+        warnings.warn(f"holds nothing to read: {', '.join(empty)}", stacklevel=2)
     return list(found.values())
 
 
@@ -135,6 +152,8 @@ class _Walk:
         self._avoid = _identity(avoid) if avoid and avoid.exists() else None
         self._readers = readers
         self._been: set[tuple[int, int]] = set()
+        self.passed = 0
+        """Folders that were not entered, since they had been entered before."""
 
     def source(self, path: Path) -> Iterator[Input]:
         """Inputs of something that the user named: a path, a glob or a manifest."""
@@ -148,7 +167,7 @@ class _Walk:
                     self._been.clear()
                 for item in self.path(entry):
                     yield replace(item, label=label) if label else item
-        elif path.exists():
+        elif _exists(path):
             yield from self.path(path)
         else:
             text = os.fspath(path)
@@ -179,6 +198,7 @@ class _Walk:
         try:
             identity = _identity(folder)
             if identity == self._avoid or identity in self._been:
+                self.passed += 1
                 return
             self._been.add(identity)
             entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
@@ -211,12 +231,8 @@ class _Walk:
 
     def _file(self, path: Path) -> Iterator[Input]:
         name = printable(os.fspath(path))
-        try:
-            fault = "" if path.is_file() else "is not a regular file" if path.exists() else "leads nowhere"
-        except OSError as error:
-            fault = f"cannot be looked at: {error.strerror}"
-        if fault:
-            yield _broken(path, "E_READ", fault)
+        if fault := unreadable(path):
+            yield _broken(path, "E_READ", *fault)
         elif _is_video(path):
             yield Input(path, name, "video")
         else:
@@ -225,8 +241,15 @@ class _Walk:
                 yield from self._members(path, reader)
             elif trouble:
                 yield _broken(path, *trouble)
+            elif self._may_be_video(path) and begins_as_video(path):
+                yield Input(path, name, "video")
             else:
                 yield Input(path, name, "other", fault=self._readers.why_not(path))
+
+    def _may_be_video(self, path: Path) -> bool:
+        """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""
+        suffix = path.suffix.lower()
+        return suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
 
     def _members(self, path: Path, reader: str) -> Iterator[Input]:
         name = printable(os.fspath(path))
@@ -241,8 +264,9 @@ class _Walk:
 
 
 def _exists(path: Path) -> bool:
+    """Whether there is anything, be it a link that leads nowhere."""
     try:
-        return path.exists()
+        return path.exists() or path.is_symlink()
     except OSError as error:
         if error.errno != errno.ENAMETOOLONG:
             raise
@@ -259,8 +283,8 @@ def _not_found(path: Path, where: str = "") -> InputError:
     )
 
 
-def _broken(path: Path, code: str, fault: str) -> Input:
-    return Input(path, printable(os.fspath(path)), "broken", code=code, fault=fault)
+def _broken(path: Path, code: str, fault: str, remedy: str = "") -> Input:
+    return Input(path, printable(os.fspath(path)), "broken", code=code, fault=fault, remedy=remedy)
 
 
 def _identity(folder: Path) -> tuple[int, int]:
@@ -271,86 +295,3 @@ def _identity(folder: Path) -> tuple[int, int]:
 
 def _is_video(path: Path) -> bool:
     return path.suffix.lower() in VIDEO_SUFFIXES
-
-
-def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
-    """Paths and labels listed in ``path``; None where it is no manifest.
-
-    A text manifest (``.txt``) has one path a line, a CSV manifest a column ``path`` and perhaps
-    ``label``. Relative paths start at the manifest's folder; lines that begin with ``#`` are comments.
-
-    Raises
-    ------
-    InputError
-        Where it looks like one and cannot be read.
-    """
-    suffix = path.suffix.lower()
-    if suffix not in (".txt", ".csv"):
-        return None
-    try:
-        with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
-            if suffix == ".txt":
-                lines = [line.rstrip("\r\n") for line in _text(file)]
-                entries = [line for line in lines if line.strip() and not line.startswith("#")]
-                return [(path.parent / entry, None) for entry in entries]
-            mark, columns = _header(file.readline())
-            place = _path_column(columns)
-            if place is None:
-                return None
-            label = columns.index("label") if "label" in columns else len(columns)
-            return [
-                (path.parent / cells[place], _label(cells[label] if label < len(cells) else ""))
-                for cells in csv.reader(_text(file), delimiter=mark)
-                if place < len(cells) and cells[place]
-            ]
-    except UnicodeError:
-        raise InputError(
-            NO_TEXT, subject=printable(os.fspath(path)), remedy=SAVE_AS_TEXT, code="E_MANIFEST"
-        ) from None
-    except (OSError, csv.Error) as error:
-        raise InputError(
-            f"not a manifest: {error}", subject=printable(os.fspath(path)), code="E_MANIFEST"
-        ) from None
-
-
-def _text(lines: Iterable[str]) -> Iterator[str]:
-    """The lines; a UnicodeError where they are UTF-16, as spreadsheets offer to write."""
-    for line in lines:
-        if "\0" in line:
-            raise UnicodeError
-        yield line
-
-
-def _label(cell: str) -> str | None:
-    """A label; a UnicodeError where it is in another encoding, in which a name of a file may well be."""
-    cell.encode("utf-8")
-    return cell.strip() or None
-
-
-def _header(line: str) -> tuple[str, list[str]]:
-    """The separator of a table (spreadsheets write others than commas) and the names of its columns."""
-    found = {
-        mark: [name.strip().casefold() for name in next(csv.reader([line], delimiter=mark), [])]
-        for mark in ",;\t"
-    }
-    mark = next((mark for mark in found if _path_column(found[mark]) is not None), ",")
-    return mark, found[mark]
-
-
-def _path_column(columns: Sequence[str]) -> int | None:
-    return next((columns.index(name) for name in _PATH_COLUMNS if name in columns), None)
-
-
-def lacking(path: Path) -> str:
-    """What keeps a table from having labels."""
-    with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
-        line = file.readline()
-    _, columns = _header(line)
-    if not line.strip():
-        return "is empty"
-    if "\0" in line:
-        return NO_TEXT
-    if "label" in columns and _path_column(columns) is not None:
-        return "has no label in any line"
-    missing = "path" if _path_column(columns) is None else "label"
-    return f"has no column {missing!r}, but {printable(', '.join(columns))[:200]}"

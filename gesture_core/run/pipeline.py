@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -33,6 +34,8 @@ _TIMES = re.compile(r" \(\d+ times\)$")
 _SECONDS_BETWEEN_BATCHES = 2.0
 _TOGETHER = 16
 """Inputs that are decided in one call: where it ends its process, each is decided alone."""
+_LONG = 4.0
+"""Times the longest example from which on an input may hold several gestures."""
 
 
 class Listener:
@@ -138,7 +141,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     started = time.monotonic()
     listener = listener or Listener()
     check_out(request)
-    job = Job(request.settings.as_dict(), str(keypoint_store()))
+    job = Job(request.settings.as_dict(), str(keypoint_store()), spot=request.spot)
     with (
         run_folder(request.out),
         Results(request.out, create=True) as results,
@@ -189,6 +192,7 @@ class _Run:
     frames: int = 0
     added: bool = False
     assumed: Counter[str] = field(default_factory=Counter)
+    _longest: float = 0.0
     notes: Counter[str] = field(default_factory=Counter)
 
     def work(self) -> None:
@@ -214,11 +218,14 @@ class _Run:
             on_frames=self.listener.frames,
         ) as engine:
             if plan.examples and not self._is_fitted():
-                self._fit({item.key: found for item, found in self._extract(engine, examples)})
+                taken = {item.key: found for item, found in self._extract(engine, examples)}
+                self._longest = max((found.seconds for found in taken.values()), default=0.0)
+                self._fit(taken)
             arrived: list[tuple[Input, Extracted]] = []
             last = time.monotonic()
             self.listener.stage("keypoints")
             for item, found in self._extract(engine, readable):
+                self._warn_of_length(item, found)
                 arrived.append((item, found))
                 if len(arrived) >= _BATCH or time.monotonic() - last > _SECONDS_BETWEEN_BATCHES:
                     self._decide(arrived)
@@ -231,7 +238,7 @@ class _Run:
 
     def _is_fitted(self) -> bool:
         """Whether an earlier run in this folder has fitted these examples, all of which could be used."""
-        if without_cache():
+        if without_cache() or self.request.spot:
             return False
         asked = {**self._place, "examples": len(self.plan.examples)}
         if not self.assistant.ask("open_fitted", asked, keep=True):
@@ -245,6 +252,17 @@ class _Run:
         """Where what is fitted lies, and what it belongs to."""
         return {"run": encoded(self.request.out), "fingerprint": self.plan.fingerprint}
 
+    def _warn_of_length(self, item: Input, found: Extracted) -> None:
+        """Say of the first input that is much longer than the examples what is for such inputs."""
+        if self.request.spot or not 0 < self._longest * _LONG < found.seconds:
+            return
+        warnings.warn(
+            f"{item.name} lasts {found.seconds:.0f} s, the longest example {self._longest:.1f} s: such "
+            "inputs get one label here; gesture spot finds every gesture in them, with its start and end",
+            stacklevel=2,
+        )
+        self._longest = 0.0
+
     def _extract(self, engine: OpenEngine, items: Sequence[Input]) -> Iterator[tuple[Input, Extracted]]:
         for item, found in engine.extract(items):
             self.listener.extracted(item.name, found.cached)
@@ -257,11 +275,12 @@ class _Run:
     def _fit(self, found: Mapping[bytes, Extracted]) -> None:
         """Take all examples that can be used; rows say why the others cannot."""
         self.results.forget([item.key for item in self.plan.examples], role="example")
-        failed, usable = [], []
+        failed, usable = [], list[bytes]()
         for item in self.plan.examples:
             row = self._example(item, found.get(item.key))
             if row is None:
-                usable.append(item.key)
+                content = (str(item.label), self.plan.hashes[item.key], item.member)
+                usable.append("\0".join(content).encode("utf-8", "surrogatepass"))
                 continue
             failed.append(row)
             self.results.commit(Committed(item.key, item.place, ""), [row], role="example")
@@ -319,8 +338,9 @@ class _Run:
         decided: dict[bytes, tuple[list[dict[str, Any]], int]] = {}
         if self.plan.examples and met:
             self.listener.stage("comparing")
-            for start in range(0, len(met), _TOGETHER):
-                decided |= self._decided(met[start : start + _TOGETHER])
+            together = 1 if self.request.spot else _TOGETHER
+            for start in range(0, len(met), together):
+                decided |= self._decided(met[start : start + together])
         for item, found in batch:
             predictions, attempts = decided.get(item.key, (None, 1))
             found = replace(found, attempts=max(found.attempts, attempts))
@@ -340,7 +360,8 @@ class _Run:
             {"name": item.name, "stored": found.stored, "people": len(found.people)} for item, found in some
         ]
         try:
-            answers = self.assistant.ask("decide", {"inputs": inputs}, retry=False)
+            what = "spot" if self.request.spot else "decide"
+            answers = self.assistant.ask(what, {"inputs": inputs}, retry=False)
         except ConfigError:
             raise
         except GestureError as error:

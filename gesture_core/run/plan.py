@@ -15,19 +15,15 @@ from gesture_core.plugin import registry
 from gesture_core.pose.choice import choose_pose, described
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import differences, fingerprint, pose_identity, run_configuration
-from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input, discover
-from gesture_core.run.labels import label_folders, label_inputs
+from gesture_core.run.inputs import COMPANIONS, FRAMES, PICTURE_SUFFIXES, Input, discover
+from gesture_core.run.label_folders import label_folders
+from gesture_core.run.labels import label_inputs, word
 from gesture_core.run.results import Results
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 
 if TYPE_CHECKING:
     from gesture_core.run.keypoint_files import KeypointFiles
-
-# What lies beside clips and never is one: notes, subtitles, thumbnails, and what file managers leave.
-_COMPANIONS = frozenset(
-    ".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .xml .yaml .yml .toml .ini .db .lnk".split()
-)
 
 
 @dataclass(frozen=True)
@@ -51,8 +47,12 @@ class RunRequest:
         Name of an execution engine.
     retry_errors : bool
         Try inputs again whose row is an error.
+    label_columns : str
+        Headings of path and label in a table of labels.
     overwrite : bool
         Forget the rows of a run that was made with other settings.
+    spot : bool
+        Look for the examples in long recordings, instead of comparing them with whole inputs.
     """
 
     sources: tuple[str, ...]
@@ -64,6 +64,8 @@ class RunRequest:
     engine: str = "processes"
     retry_errors: bool = False
     overwrite: bool = False
+    label_columns: str = ""
+    spot: bool = False
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,9 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         item.key: _sha256(results, item, stamps[item.key]) if item.kind != "other" else ""
         for item in examples
     }
-    configuration = run_configuration(settings, identity, [(e, hashes[e.key]) for e in examples], kernel)
+    configuration = run_configuration(
+        settings, identity, [(e, hashes[e.key]) for e in examples], kernel, request.spot
+    )
     changed = _changes(results, configuration, overwrite=request.overwrite)
     again = changed or request.overwrite or without_cache()
     done = {} if again else results.done(retry_errors=request.retry_errors)
@@ -205,7 +209,9 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         contradictions=_contradictions(examples, hashes),
         files=files,
         announced=frozenset(
-            label_folders(request.examples, request.out) if request.labels == "folder" else ()
+            map(word, label_folders(examples, request.examples, request.out))
+            if request.labels == "folder"
+            else ()
         ),
         gone=len(gone),
         network=described(settings) if videos else "",
@@ -224,12 +230,12 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
             remedy="examples/<label>/<clip>" + (f", or for a picture {FRAMES}" if pictures else ""),
             code="E_EMPTY",
         )
-    labelled = label_inputs(found, request.labels, request.examples)
+    labelled = label_inputs(found, request.labels, request.examples, request.label_columns)
     # What nobody reads is a lost example where it has a label; without one it was never meant as any.
     return [
         item
         for item in labelled
-        if item.kind != "other" or (item.label and item.path.suffix.lower() not in _COMPANIONS)
+        if item.kind != "other" or (item.label and item.path.suffix.lower() not in COMPANIONS)
     ]
 
 

@@ -16,13 +16,20 @@ _TOGETHER = 1000
 
 
 class Readers:
-    """Whose keypoint file is it? Readers are asked in a worker, and only about what may be theirs."""
+    """Whose keypoint file is it? Readers are asked in a worker, and only about what may be theirs.
+
+    Attributes
+    ----------
+    suffixes : frozenset of str
+        Those that readers announce.
+    """
 
     def __init__(self, assistant: Assistant) -> None:
         plugins = registry()
         self._assistant = assistant
         usable = plugins.names("reader", usable=True)
         self._every = [plugins.find("reader", name) for name in usable]
+        self.suffixes = frozenset(suffix for reader in self._every for suffix in reader.suffixes)
         self._lacking = [
             entry
             for name in plugins.names("reader")

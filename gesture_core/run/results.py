@@ -26,10 +26,12 @@ OWN_FILES = frozenset({DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", LOCK, FIT
 """What a run leaves in its folder besides its exports; it may lie among videos or examples."""
 _VERSION = 2
 _TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {
-    "frames_looked_at": "INTEGER", "frames_with_pose": "INTEGER", "attempts": "INTEGER",
-    "distance": "REAL", "margin": "REAL", "seconds": "REAL", "start": "REAL", "end": "REAL",
+    "frames_looked_at": "INTEGER", "frames_with_pose": "INTEGER", "attempts": "INTEGER", "event": "INTEGER",
+    "distance": "REAL", "margin": "REAL", "seconds": "REAL", "start": "REAL", "end": "REAL", "score": "REAL",
 }  # fmt: skip
-_ADDED: dict[str, Any] = {"note": "", "start": None, "end": None, "box": "", "frames_looked_at": 0}
+_ADDED: dict[str, Any] = {"note": "", "start": None, "end": None, "box": "", "frames_looked_at": 0} | {
+    "event": 0, "score": None,
+}  # fmt: skip
 """Columns that the first files of this format lack, with what stands in them."""
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -39,10 +41,13 @@ CREATE TABLE IF NOT EXISTS content (
 CREATE TABLE IF NOT EXISTS rows (
   key BLOB NOT NULL, place BLOB NOT NULL, role TEXT NOT NULL,
   {", ".join(f'"{name}" {_TYPES.get(name, "TEXT")}' for name in COLUMNS)},
-  PRIMARY KEY (role, key, person)
+  PRIMARY KEY (role, key, person, event)
 );
 CREATE TABLE IF NOT EXISTS published (key BLOB PRIMARY KEY, file TEXT NOT NULL);
 """
+
+_QUOTED = ", ".join(f"`{name}`" for name in COLUMNS)
+"""The columns as SQL takes them: some are its words."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +133,12 @@ class Results:
         for name in _ADDED.keys() - known:
             db.execute(f'ALTER TABLE rows ADD COLUMN "{name}" {_TYPES.get(name, "TEXT")}')
             db.execute(f'UPDATE rows SET "{name}" = ?', (_ADDED[name],))
+        if "event" not in known:  # its key has no place for several rows of one person
+            listed = f"key, place, role, {_QUOTED}"
+            db.executescript(
+                f"BEGIN; ALTER TABLE rows RENAME TO earlier; {_SCHEMA}"
+                f"INSERT INTO rows ({listed}) SELECT {listed} FROM earlier; DROP TABLE earlier; COMMIT;"
+            )
         return db
 
     def __enter__(self) -> Results:
@@ -188,7 +199,7 @@ class Results:
             for row in rows:
                 record = row.as_record()
                 self._db.execute(
-                    f"INSERT INTO rows (key, place, role, {', '.join(COLUMNS)}) "
+                    f"INSERT INTO rows (key, place, role, {_QUOTED}) "
                     f"VALUES (?, ?, ?, {', '.join('?' * len(COLUMNS))})",
                     (item.key, item.place, role, *(record[name] for name in COLUMNS)),
                 )
@@ -200,10 +211,16 @@ class Results:
         return {row["key"]: row["sha256"] for row in self._db.execute(query)}
 
     def rows(self, role: str = "query") -> Iterator[Row]:
-        """All rows, ordered by input and person."""
-        query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person"
+        """All rows, ordered by input, person and event."""
+        query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person, rowid"
         for record in self._db.execute(query, (role,)):
             yield Row.from_record(_ADDED | dict(record))
+
+    def place_of(self, name: str) -> Path | None:
+        """The absolute path of the input called ``name``."""
+        query = "SELECT place FROM rows WHERE role = 'query' AND input = ?"
+        row = self._db.execute(query, (name,)).fetchone()
+        return Path(os.fsdecode(row["place"])) if row else None
 
     def places(self) -> list[tuple[bytes, bytes]]:
         """Key and path of every input that has rows."""

@@ -9,7 +9,7 @@ from typing import Any
 from gesture_core.errors import Code
 from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input
 from gesture_core.run.workers.keypoints import Extracted
-from gesture_core.types import Prediction, Row
+from gesture_core.types import Event, Prediction, Row
 
 _READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
 _FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"
@@ -21,6 +21,10 @@ def unread_row(item: Input, fingerprint: str) -> Row:
     if item.kind == "other":
         picture = item.path.suffix.lower() in PICTURE_SUFFIXES
         remedy = f"{FRAMES if picture else 'another format'}, or a manifest that leaves it out"
+    elif item.remedy:
+        remedy = f"{item.remedy}, then --retry-errors"
+    elif code == Code.MISSING_DEPENDENCY:
+        remedy = "that command, then --retry-errors"
     elif code and code.plugin:
         remedy = "another version of the plugin, then --retry-errors"
     elif item.code in _READING:
@@ -58,7 +62,8 @@ def rows_of(
     item : Input
     found : Extracted
     decided : sequence of dict or None
-        The fields of a `Prediction` for each person; None where nothing is decided.
+        The fields of a `Prediction` for each person, or ``events``, a list of the fields of an `Event`; None
+        where nothing is decided.
     fingerprint : str
     """
     base = Row(
@@ -84,6 +89,13 @@ def rows_of(
         return [_with_damage(nobody, item, found)]
     rows = []
     for number, seen in enumerate(found.people):
+        if decided is not None and "events" in decided[number]:
+            of_person = replace(
+                base, person=seen.person, start=seen.start, end=seen.end, box=seen.box,
+                frames_with_pose=seen.frames,
+            )  # fmt: skip
+            rows += [_with_damage(row, item, found) for row in _event_rows(of_person, item, decided[number])]
+            continue
         prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
         code = Code.of(prediction.code)
         row = replace(
@@ -102,8 +114,31 @@ def rows_of(
             + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
             frames_with_pose=seen.frames,
             selected=prediction.selected,
+            note="; ".join(filter(None, (base.note, prediction.note))),
         )
         rows.append(_with_damage(row, item, found))
+    return rows
+
+
+def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:
+    """A row for each event of one person, or the one that says that there is none."""
+    base = replace(base, note="; ".join(filter(None, [base.note, tree["note"]])))
+    if not tree["events"]:
+        message = (
+            f"{item.name}: none of the examples was recognised in {base.seconds:.1f} s; "
+            "try: more examples, a larger spot.threshold, or gesture render to see what the network sees"
+        )
+        return [replace(base, status=Code.NO_EVENT.status, code=str(Code.NO_EVENT), message=message)]
+    rows = []
+    for number, one in enumerate(tree["events"], 1):
+        event = Event(**one)
+        nearest = ((event.example, event.label, event.distance),)
+        rows.append(
+            replace(
+                base, label=event.label, event=number, start=event.start, end=event.end, score=event.score,
+                distance=event.distance, neighbors=nearest, status="ok",
+            )
+        )  # fmt: skip
     return rows
 
 

@@ -269,7 +269,7 @@ def near(word: str, known: Sequence[str]) -> str:
 def _takes(plugin: str, option: str) -> bool:
     """Whether a plugin may have an option: any but a keypoint reader that does not name it."""
     kinds = [kind for kind, name in registry().entries if name == plugin]
-    return kinds != ["reader"] or registry().takes("reader", plugin, option)
+    return "reader" not in kinds or any(registry().takes(kind, plugin, option) for kind in kinds)
 
 
 def _elsewhere(name: str, known: Sequence[str], section: str) -> str:
@@ -326,6 +326,7 @@ def _wanted(hint: Any) -> str:
     if hint in words:
         return words[hint]
     if get_origin(hint) is tuple:
-        return "a list of names" if get_args(hint)[0] is str else "a list of numbers"
+        words = {str: "a list of names", int: "whole numbers, as 1920x1080"}
+        return words.get(get_args(hint)[0], "a list of numbers")
     choices = [choice for choice in get_args(hint) if isinstance(choice, str)]
     return " or ".join(choices) or f"a {hint.__name__}, from Python"

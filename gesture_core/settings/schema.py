@@ -72,6 +72,20 @@ class PoseSettings(_Section):
 
 
 @dataclass(frozen=True)
+class VideoSettings(_Section):
+    """How videos are read.
+
+    Attributes
+    ----------
+    fps : None or float
+        Frames per second of every video, instead of the times in the file; None takes these, and for
+        streams without times the rate that their codec says, or 25.
+    """
+
+    fps: float | None = None
+
+
+@dataclass(frozen=True)
 class SignalSettings(_Section):
     """The chain from keypoints to signals.
 
@@ -172,6 +186,49 @@ class ClassifySettings(_Section):
 
 
 @dataclass(frozen=True)
+class SpotSettings(_Section):
+    """How events are found in long recordings.
+
+    Attributes
+    ----------
+    mean : float
+        Seconds of the mean around each frame that channels without a fixed place lose; 0 for none,
+        as a live stream always has it.
+    floor : float
+        Added to the variances of example and event before they divide a cost, in the squared unit of
+        the signals, so that a held gesture is not compared by its noise.
+    tempos : tuple of float
+        Lengths, as parts of its own, at which every example is looked for besides.
+    threshold : None or float
+        Distance up to which an event is reported; None takes one for each class from the examples.
+    deviations : float
+        With ``threshold = none``: standard deviations above the mean distance between examples of one class.
+    overlap : float
+        Share of the shorter of two events by which they may overlap.
+    verify : bool
+        Let the classifier decide about each event, too; where it says another label, there is none.
+    patience : None or float
+        Seconds after its end in which nothing better may come before an event is reported; None waits
+        for the end of the recording, live half a second.
+    merge : float
+        Seconds between two events of a held gesture that make them one.
+    gap : float
+        Seconds without the person after which a stream begins anew.
+    """
+
+    mean: float = 3.0
+    floor: float = 0.01
+    tempos: tuple[float, ...] = (0.6, 1.6)
+    threshold: float | None = None
+    deviations: float = 1.0
+    overlap: float = 0.3
+    verify: bool = True
+    patience: float | None = None
+    merge: float = 1.0
+    gap: float = 1.0
+
+
+@dataclass(frozen=True)
 class LimitSettings(_Section):
     """What one input may cost before it is given up.
 
@@ -197,16 +254,19 @@ class LimitSettings(_Section):
 
 
 SECTIONS: Mapping[str, type] = {
+    "video": VideoSettings,
     "pose": PoseSettings,
     "keypoints": ReadOptions,
     "signals": SignalSettings,
     "dtw": DtwSpec,
     "classify": ClassifySettings,
+    "spot": SpotSettings,
     "limits": LimitSettings,
 }
 
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
+    "video.fps": (0.001, 100_000),
     "pose.height": (32, 4096),
     "pose.rate": (0, 100_000),
     "pose.score": (0, 1),
@@ -223,6 +283,14 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "classify.mirror": (1, _INFINITE),
     "classify.relative": (0, 1),
     "classify.rest": (0, _INFINITE),
+    "spot.mean": (0, 3600),
+    "spot.floor": (0, _INFINITE),
+    "spot.threshold": (0, _INFINITE),
+    "spot.deviations": (0, 100),
+    "spot.overlap": (0, 1),
+    "spot.patience": (0, 3600),
+    "spot.merge": (0, 60),
+    "spot.gap": (0.05, 3600),
     "limits.pixels": (1, 1e12),
     "limits.frames": (1, 1e9),
     "limits.seconds": (0.1, _INFINITE),
@@ -247,11 +315,13 @@ class Settings:
     """
 
     preset: str = DEFAULT_PRESET
+    video: VideoSettings = field(default_factory=VideoSettings)
     pose: PoseSettings = field(default_factory=PoseSettings)
     keypoints: ReadOptions = field(default_factory=ReadOptions)
     signals: SignalSettings = field(default_factory=SignalSettings)
     dtw: DtwSpec = field(default_factory=DtwSpec)
     classify: ClassifySettings = field(default_factory=ClassifySettings)
+    spot: SpotSettings = field(default_factory=SpotSettings)
     limits: LimitSettings = field(default_factory=LimitSettings)
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 

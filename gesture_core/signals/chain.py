@@ -38,6 +38,8 @@ class Chain:
         Let sequences pass in which no channel moves. An example with salient channels can still
         be compared with them (the paper's union of both selections), but a person who stands
         still is then given the label of some gesture.
+    repair : bool
+        Mend single wrong frames first, see `gesture_core.signals.repair`.
     """
 
     normalizer: Normalizer
@@ -108,7 +110,8 @@ class Chain:
 
     def normalised(self, pose: PoseSequence) -> Signals:
         """The signals before selection and filters: every channel in body units, gaps filled."""
-        pose = repaired(pose).pose if self.repair else pose
+        pose, frames = repaired(pose) if self.repair else (pose, 0)
+        share = frames / max(len(pose), 1)
         pose = require_pose(pose.as_coco18(), self.gaps)
         joints, _ = fill_gaps(pose.keypoints, pose.times, self.gaps)
         # Scores of interpolated joints stay zero, so that later steps know them from seen ones.
@@ -133,6 +136,7 @@ class Chain:
             CHANNELS,
             present=np.repeat(present, 2),
             source=pose.source,
+            repaired=share,
         )
 
 

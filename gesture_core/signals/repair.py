@@ -26,9 +26,14 @@ out and back; of 150,000 frames of 30 people of MSRC-12 one in a thousand wrists
 END = 2.0
 """Times as far, at the first and last frames, where nothing tells what was before or came after."""
 NOISE, USUAL = 2.5, 70
-"""Times a step that so many per cent of the steps around do not exceed; what moves or trembles jumps farther."""
+"""Times a step that so many per cent of the steps around do not exceed; that far trembling may go."""
+SCALE = 90
+"""Times the change of the torso's length that so many per cent of the steps do not exceed, and the distance
+from the neck: files that measure each frame by its own shoulders tremble like that."""
 AROUND = 1.0
 """Seconds on each side of a frame whose steps are its usual ones."""
+LEAST_SURE = 0.5
+"""A jump needs as much less as the joint's score is below its median, down to this share."""
 LONGEST = 0.4
 """Seconds from the last right frame to the next one; more is no single fault."""
 TENTH = 0.1
@@ -60,7 +65,9 @@ def repaired(pose: PoseSequence) -> Repair:
     Repair
         With the same object where nothing was wrong, or where the body has no scale.
     """
-    length = _torso_length(pose)
+    neck, lengths = _torso(pose)
+    known = lengths[np.isfinite(lengths)]
+    length = float(np.median(known)) if len(known) else 0.0
     if len(pose) < 3 or not length > 0:
         return Repair(pose, 0)
     # Places as complex numbers: their differences have a length and no second axis.
@@ -76,23 +83,28 @@ def repaired(pose: PoseSequence) -> Repair:
         keypoints = np.where(turned[..., None], keypoints[:, others], keypoints)
         scores = np.where(turned, scores[:, others], scores)
         last = _last_seen(points)
-    wrong = zero | _jumps(points, last, scores, pose.times)
+    trembling = np.nan_to_num(np.abs(points - neck[:, None] / length)) * _trembling(known / length)
+    wrong = _jumps(points, last, scores, pose.times, trembling)
     frames = int((turned | wrong).any(axis=1).sum())
-    if not frames:
+    if not (frames or zero.any()):
         return Repair(pose, 0)
-    keypoints = np.where(wrong[..., None], np.float32(np.nan), keypoints)
+    keypoints = np.where((wrong | zero)[..., None], np.float32(np.nan), keypoints)
     return Repair(replace(pose, keypoints=keypoints, scores=scores), frames)
 
 
-def _torso_length(pose: PoseSequence) -> float:
-    """Median length of the torso; NaN where neither hips nor shoulders are seen."""
+def _torso(pose: PoseSequence) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) middle of the shoulders, complex, and (T,) length of the torso; NaN where they are not seen."""
     body = skeleton(pose.skeleton)
     names = ("right_shoulder", "left_shoulder", "right_hip", "left_hip")
     joints = pose.keypoints[:, [body.index(name) for name in names]].astype(np.float64)
     right, left, right_hip, left_hip = joints.view(np.complex128)[..., 0].T
-    length = np.fmax(np.abs(right + left - right_hip - left_hip) / 2, np.abs(right - left) / SHOULDERS)
-    known = length[np.isfinite(length)]
-    return float(np.median(known)) if len(known) else float("nan")
+    down, across = np.abs(right + left - right_hip - left_hip) / 2, np.abs(right - left) / SHOULDERS
+    return (right + left) / 2, np.fmax(down, across)
+
+
+def _trembling(lengths: np.ndarray) -> float:
+    """What a joint one torso length from the neck jumps with the body's scale, from the torso's lengths."""
+    return NOISE * float(np.percentile(np.abs(np.diff(lengths)), SCALE)) if len(lengths) > 1 else 0.0
 
 
 def _placeholders(pose: PoseSequence) -> np.ndarray:
@@ -123,13 +135,15 @@ def _exchanged(points: np.ndarray, last: np.ndarray, times: np.ndarray, others: 
         return out
     fading = np.maximum((times[1:, None, None] - times[last[:-1, pairs]]).max(axis=1) / TENTH, 1)
     held = SWAPPED * np.diff(times, append=times[-1:])
-    whole = _cheapest((saved / fading).sum(axis=1), SWAP * len(own) ** 0.5, held)
+    whole = _cheapest((saved / fading).sum(axis=1) - SWAP * len(own) ** 0.5, held)
     if whole.any():
         points = np.where(whole[:, None], points[:, others], points)
         saved = _saved(points[:, pairs])
     out[:, pairs] = whole[:, None, None]
-    for pair in np.flatnonzero((saved > SWAP).any(axis=0)):
-        out[:, pairs[:, pair]] ^= _cheapest(saved[:, pair] / fading[:, pair], SWAP, held)[:, None]
+    # A pair that has nothing from the exchange of all is left out of it at no cost.
+    gains = saved / fading - np.where(np.diff(whole), 0, SWAP)[:, None]
+    for pair in np.flatnonzero((gains > 0).any(axis=0)):
+        out[:, pairs[:, pair]] ^= _cheapest(gains[:, pair], np.where(whole, 0, held))[:, None]
     return out
 
 
@@ -148,14 +162,14 @@ def _saved(sides: np.ndarray) -> np.ndarray:
     return saved
 
 
-def _cheapest(saved: np.ndarray, toll: float, held: np.ndarray) -> np.ndarray:
-    """(T,) bool: exchanged in the cheapest sequence, which saves (T - 1,) ``saved`` wherever it changes.
+def _cheapest(gains: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """(T,) bool: exchanged in the cheapest sequence, which gains (T - 1,) ``gains`` wherever it changes.
 
-    Each change costs ``toll``, each exchanged frame its (T,) ``held``.
+    Each exchanged frame costs its (T,) ``held``.
     """
     plain, exchanged, costs = 0.0, float(held[0]), held.tolist()
     before = [(False, False)]
-    for gain, cost in zip((saved - toll).tolist(), costs[1:], strict=True):
+    for gain, cost in zip(gains.tolist(), costs[1:], strict=True):
         changed = exchanged - gain < plain, plain - gain < exchanged
         before.append(changed)
         plain, exchanged = (
@@ -169,29 +183,44 @@ def _cheapest(saved: np.ndarray, toll: float, held: np.ndarray) -> np.ndarray:
     return out
 
 
-def _jumps(points: np.ndarray, last: np.ndarray, scores: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """(T, J) bool: joints that are off their way for a few frames; ``last`` is from `_last_seen`."""
+def _jumps(
+    points: np.ndarray, last: np.ndarray, scores: np.ndarray, times: np.ndarray, trembling: np.ndarray
+) -> np.ndarray:
+    """(T, J) bool: joints that are off their way for a few frames.
+
+    ``last`` is from `_last_seen`; the (T, J) ``trembling`` of a place is no jump.
+    """
     out = np.zeros(points.shape, bool)
     steps = np.abs(np.diff(np.take_along_axis(points, last, axis=0), axis=0))
-    for joint in np.flatnonzero((steps > JUMP / 2).any(axis=0)):
+    if not (steps > LEAST_SURE * JUMP).any():
+        return out
+    sure = np.clip(scores / np.maximum(np.median(scores, axis=0), 1e-3), LEAST_SURE, 1)
+    trembling = np.take_along_axis(trembling, last, axis=0)
+    trembling = np.minimum(trembling[1:], trembling[:-1])
+    wide = steps > JUMP * np.minimum(sure[1:], sure[:-1]) + trembling
+    for joint in np.flatnonzero(wide.any(axis=0)):
         seen = np.flatnonzero(~np.isnan(points[:, joint]))
-        sure = scores[seen, joint] / max(float(np.median(scores[seen, joint])), 1e-3)
-        out[seen, joint] = _off_its_way(points[seen, joint], np.clip(sure, 0.5, 1), times[seen])
+        if len(seen) < 3:
+            continue
+        more = trembling[np.minimum(seen, len(steps) - 1), joint]
+        out[seen, joint] = _off_its_way(points[seen, joint], sure[seen, joint], times[seen], more)
     return out
 
 
-def _off_its_way(track: np.ndarray, sure: np.ndarray, times: np.ndarray) -> np.ndarray:
+def _off_its_way(track: np.ndarray, sure: np.ndarray, times: np.ndarray, more: np.ndarray) -> np.ndarray:
     """(T,) bool: frames of one joint's (T,) track in which it is elsewhere than before and after.
 
-    ``sure`` are the (T,) confidences over their median, 0.5 to 1, which scale what a jump needs.
+    ``sure`` are the (T,) confidences over their median, at most 1, which scale what a jump needs; ``more`` is
+    what it needs besides.
     """
     from scipy.ndimage import percentile_filter
 
     steps, gaps = np.abs(np.diff(track)), np.diff(times)
     near = round(AROUND * len(gaps) / max(float(times[-1] - times[0]), 1e-3))
-    usual = percentile_filter(steps, USUAL, 2 * min(near, len(steps)) + 1, mode="reflect")
+    share = min(USUAL, max(100 - 250 / len(steps), 0))  # of few steps, two are those of one jump
+    usual = percentile_filter(steps, share, 2 * min(near, len(steps)) + 1, mode="reflect")
     limits = JUMP * np.maximum(gaps / TENTH, 1) * np.minimum(sure[1:], sure[:-1]) + NOISE * usual
-    limits = np.append(limits, limits[-1:])
+    limits = np.append(limits, limits[-1:]) + more
     kept = np.arange(len(track))
     while len(kept) > 2:
         steps = np.abs(np.diff(track[kept]))
@@ -222,7 +251,7 @@ def _off_its_way(track: np.ndarray, sure: np.ndarray, times: np.ndarray) -> np.n
 
 
 def _wrong_at_start(track: np.ndarray, limits: np.ndarray, times: np.ndarray) -> int:
-    """How many frames at the start of a track, or of one that runs backwards, are off the way that follows."""
+    """How many frames at the start of a track, which may run backwards, are off the way that follows."""
     near = int(np.count_nonzero(np.abs(times - times[0]) <= LONGEST + _ROUNDING)) - 1
     most = min(near, (len(track) - 1) // 2)
     steps = np.diff(track[: most + 2])

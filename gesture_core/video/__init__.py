@@ -12,7 +12,7 @@ Public for plugins of the kind ``video``, besides `gesture_core.errors` and `ges
 the names below.
 """
 
-from gesture_core.video.containers import CONTAINERS
+from gesture_core.video.containers import CONTAINERS, UNTIMED
 from gesture_core.video.decoder import VideoDecoder
 from gesture_core.video.frames import LazyPicture, at_rate, pictures
 from gesture_core.video.integrity import DamageLog, Integrity
@@ -20,6 +20,7 @@ from gesture_core.video.reader import open_video, reader_name
 
 __all__ = [
     "CONTAINERS",
+    "UNTIMED",
     "DamageLog",
     "Integrity",
     "LazyPicture",

@@ -26,10 +26,24 @@ _RAW_SUFFIXES = {
     ".h264": "h264", ".264": "h264", ".avc": "h264",
     ".h265": "hevc", ".265": "hevc", ".hevc": "hevc",
 }  # fmt: skip
+# What a stream without a container begins with: a parameter set, or the mark of a picture's beginning.
+_FIRST_UNITS = {
+    "h264": (b"\x67", b"\x47", b"\x27", b"\x09\x10", b"\x09\x30", b"\x09\x50", b"\x09\xf0"),
+    "hevc": (b"\x40\x01", b"\x46\x01"),
+}
+# Still pictures and sound in the container of videos.
+_OTHER_BRANDS = (b"heic", b"heix", b"mif1", b"avif", b"crx ", b"m4a ", b"m4b ", b"f4a ", b"f4b ", b"jp2 ")
+# What the header of a video has and that of sound has not.
+_MARKED = {
+    "ogg": (b"\x80theora", b"BBCD\0", b"OVP80"),
+    "asf": (bytes.fromhex("c0ef19bc4d5bcf11a8fd00805f5c442b"),),
+}
 CONTAINERS: tuple[str, ...] = (
     "mov", "avi", "mpegts", "mjpeg", "h264", "hevc", *dict.fromkeys(_MAGIC.values()),
 )  # fmt: skip
 """FFmpeg's names of the containers that are read."""
+UNTIMED = frozenset({"h264", "hevc", "mpegvideo", "mjpeg"})
+"""Those of them that are none: a stream as the encoder wrote it, without times."""
 _PLAYLISTS: tuple[bytes, ...] = (b"ffconcat", b"#EXTM3U", b"[playlist]", b"<?xml", b"<MPD", b"<smil", b"v=0")
 
 
@@ -66,12 +80,38 @@ def open_container(path: Path) -> tuple[BinaryIO, str]:
         raise
 
 
+def begins_as_video(path: Path) -> bool:
+    """Whether a file is a video by its first bytes, whatever its name ends in.
+
+    Stricter than `open_container`, which is asked about what somebody calls a video: not for pictures and
+    sound in a container of videos, nor for a text that happens to begin as one.
+    """
+    try:
+        file, container = open_container(path)
+    except (MediaError, OSError):
+        return False
+    with file:
+        head = file.read(_HEAD_BYTES)
+        size = file.seek(0, 2)
+    if container == "mov":
+        length = int.from_bytes(head[:4], "big")
+        brand = head[8:12] if head[4:8] == b"ftyp" else b""
+        return (length in (0, 1) or 8 <= length <= size) and brand.lower() not in _OTHER_BRANDS
+    if container == "mpegts":
+        return size >= 5 * 192  # so that five packets began as they should
+    if container in _MARKED:
+        return any(mark in head for mark in _MARKED[container])
+    return True
+
+
 def _container_of(head: bytes, suffix: str) -> str:
     """The container of a file that begins with ``head``; empty for none that is known."""
     if head[4:8] in _BOXES:
         return "mov"
     if head.startswith(b"RIFF") and head[8:12] in (b"AVI ", b"AVIX", b"AMV "):
         return "avi"
+    if head.startswith(b"RIFF") and head[8:12] == b"CDXA":  # a file of a video CD, sectors and all
+        return "mpeg"
     for magic, name in _MAGIC.items():
         if head.startswith(magic):
             return name
@@ -83,4 +123,7 @@ def _container_of(head: bytes, suffix: str) -> str:
         return _RAW_SUFFIXES[suffix]
     if head.startswith(b"\xff\xd8\xff") and suffix in (".mjpeg", ".mjpg"):
         return "mjpeg"
+    for name, units in _FIRST_UNITS.items():
+        if head.removeprefix(b"\x00").startswith(tuple(b"\x00\x00\x01" + unit for unit in units)):
+            return name
     return ""

@@ -15,8 +15,18 @@ from gesture_core.errors import GestureError, MediaError
 from gesture_core.files import printable
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReport
 from gesture_core.plugin.registry import calling
-from gesture_core.video.containers import open_container
-from gesture_core.video.frames import Clock, LazyPicture, fit, upright
+from gesture_core.video.containers import UNTIMED, open_container
+from gesture_core.video.frames import (
+    DEFAULT_FPS,
+    Clock,
+    LazyPicture,
+    fit,
+    plausible_aspect,
+    square,
+    square_size,
+    upright,
+    variable_rate,
+)
 from gesture_core.video.integrity import MAX_FPS, DamageLog
 
 
@@ -24,8 +34,8 @@ class VideoDecoder(ABC):
     """One open video file. A context manager; iterate it once.
 
     A reader's own class has a name and two methods, `start` and `frames`. Times that run backwards, pictures
-    that lie on their side or change their size, limits on frames and seconds, and the report are handled
-    here.
+    that lie on their side or change their size, pixels that are not square, limits on frames and seconds, and
+    the report are handled here.
 
     ::
 
@@ -70,6 +80,7 @@ class VideoDecoder(ABC):
         self.limits = limits
         self.log = DamageLog()
         self.resources = ExitStack()
+        self._pixels = (1, 1)
         self._read = 0
         self._state: Literal["new", "running", "ended"] = "new"
         try:
@@ -103,7 +114,16 @@ class VideoDecoder(ABC):
             complete=self._state == "ended" and self.log.damaged == 0,
             notes=tuple(notes),
             reader=self.name,
+            assumed=self._assumed,
         )
+
+    @property
+    def _assumed(self) -> str:
+        """The frame rate of a stream without times, which its codec may or may not say."""
+        if self.container not in UNTIMED:
+            return ""
+        says = ", as its codec says" if self.info.fps else ""
+        return f"{self.info.fps or DEFAULT_FPS:g} frames/s{says} (video.fps)"
 
     def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
         for time, convert in self.pictures():
@@ -116,11 +136,14 @@ class VideoDecoder(ABC):
         if self._state != "new":
             raise MediaError("its reader was already used", subject=self.subject, remedy="open it again")
         self._state = "running"
-        limits = self.limits
-        clock = Clock(self.info.fps, self.log)
+        info, limits = self.info, self.limits
+        clock, times = Clock(info.fps, self.log), list[float]()
         with self._blamed():
             for stamp, stored in self.frames():
-                time = clock.at(stamp)
+                # What a demuxer makes up for a stream without times is a constant rate as well.
+                untimed = self.container in UNTIMED
+                time = clock.at(len(times) / (info.fps or DEFAULT_FPS) if untimed else stamp)
+                times.append(time)
                 kept = f"{self._read} frames"
                 if self._read >= limits.max_frames:
                     remedy = "--set limits.frames=… with a larger figure, or cut the video"
@@ -133,29 +156,35 @@ class VideoDecoder(ABC):
                     )
                 self._note_size(stored)
                 self._read += 1
-                yield time, partial(self._converted, stored)
+                yield time, partial(self._converted, stored, self._pixels)
+        if note := variable_rate(times):
+            self.log.note(note)
         self._state = "ended"
 
     def _note_size(self, stored: np.ndarray | LazyPicture) -> None:
-        """Note a picture of another size than the first."""
+        """Note a picture of another size than the first; one that exceeds the limit is an error."""
         info = self.info
         if isinstance(stored, LazyPicture):
             width, height = stored.width, stored.height
         else:
             height, width = stored.shape[:2]
+        width, height = square_size(width, height, *self._pixels)
+        self.check_size(width, height)
         if info.rotation % 180:
             width, height = height, width
         if (width, height) != (info.width, info.height):
             self.log.note(f"picture of {width} x {height} scaled into {info.width} x {info.height}")
 
-    def _converted(self, stored: np.ndarray | LazyPicture) -> np.ndarray | None:
-        """A stored picture upright and of the video's size, None where it cannot be converted."""
+    def _converted(self, stored: np.ndarray | LazyPicture, pixels: tuple[int, int]) -> np.ndarray | None:
+        """A stored picture upright, square and of the video's size, None where it cannot be converted."""
         info = self.info
         with self._blamed():
             picture = stored.convert() if isinstance(stored, LazyPicture) else stored
         if picture is None:
             self._read -= 1
             return None
+        if pixels[0] != pixels[1]:
+            picture = square(picture, *pixels)
         frame = upright(picture, info.rotation, info.mirrored)
         same = frame.shape[:2] == (info.height, info.width)
         return frame if same else fit(frame, info.width, info.height)
@@ -196,11 +225,17 @@ class VideoDecoder(ABC):
         codec, rotation, mirrored
             As in `VideoInfo`; any rotation counts as the nearest quarter turn.
         pixel_aspect : (int, int)
-            Width to height of one pixel.
+            Width to height of one pixel. What no camera has is taken as square, which the log says.
         """
         across, down = pixel_aspect
-        if across != down:
-            self.log.note(f"pixels are not square ({across}:{down}); pictures are used as they are stored")
+        if across != down and not plausible_aspect(across, down):
+            self.log.note(f"pixels of {across}:{down} are implausible and taken as square")
+        elif across != down:
+            self._pixels = across, down
+            stored = f"{width} x {height}"
+            width, height = square_size(width, height, across, down)
+            self.check_size(width, height)
+            self.log.note(f"pixels of {across}:{down} made square: {stored} shown as {width} x {height}")
         turned = round(rotation / 90) % 4 * 90
         if turned % 180:
             width, height = height, width
@@ -215,6 +250,12 @@ class VideoDecoder(ABC):
             reader=self.name,
             mirrored=mirrored,
         )
+
+    def change_pixels(self, across: int, down: int) -> None:
+        """Take the pixels of what follows as ``across`` to ``down``, for a reader that sees them change."""
+        if plausible_aspect(across, down) and (across, down) != self._pixels:
+            self._pixels = across, down
+            self.log.note(f"pixels become {across}:{down} half-way, made square")
 
     def check_size(self, width: float, height: float) -> None:
         """A MediaError where a picture of ``width`` x ``height`` pixels exceeds the limit.

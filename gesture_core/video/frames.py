@@ -1,9 +1,11 @@
-"""From a stored picture with the container's stamp to an upright frame of constant size at its second."""
+"""From a stored picture with the container's stamp to an upright frame of constant size at its second, with
+square pixels.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -12,7 +14,8 @@ import numpy as np
 from gesture_core.plugin.interfaces import LazyFrames, Video
 from gesture_core.video.integrity import DamageLog
 
-_DEFAULT_FPS = 25.0
+DEFAULT_FPS = 25.0
+"""Frames a second where nothing tells."""
 _LEAP = 3600.0
 _EARLY = 0.1
 """Of the time between two looks: how much too early a frame may come, as containers round their stamps."""
@@ -38,6 +41,13 @@ class LazyPicture:
     convert: Callable[[], np.ndarray | None]
 
 
+# No camera or disc has pixels that are longer than this: a broken header has.
+_LONGEST_PIXEL = 8
+# Intervals between frames of a variable rate: the long ones last so much longer than the short ones. Rounding
+# to milliseconds, and a frame that was dropped now and then, make no variable rate.
+_VARIABLE = 1.5
+
+
 class Clock:
     """Turns the container's stamps into seconds that never decrease.
 
@@ -53,8 +63,8 @@ class Clock:
     """
 
     def __init__(self, fps: float | None, log: DamageLog) -> None:
-        self._step = 1 / (fps or _DEFAULT_FPS)
-        self._rate = f"{fps or _DEFAULT_FPS:g} frames/s{'' if fps else ' assumed'}"
+        self._step = 1 / (fps or DEFAULT_FPS)
+        self._rate = f"{fps or DEFAULT_FPS:g} frames/s{'' if fps else ' assumed'}"
         self._log = log
         self._offset = 0.0
         self._last: float | None = None
@@ -79,6 +89,41 @@ class Clock:
             time = following
         self._last = time
         return time
+
+
+def plausible_aspect(across: int, down: int) -> bool:
+    """Whether pixels may be ``across`` wide and ``down`` high."""
+    return across > 0 and down > 0 and 1 / _LONGEST_PIXEL <= across / down <= _LONGEST_PIXEL
+
+
+def square_size(width: int, height: int, across: int, down: int) -> tuple[int, int]:
+    """Size of a picture whose pixels are ``across`` to ``down``, once they are square.
+
+    The shorter side of the pixels is stretched, as players do, so that nothing that was filmed is lost.
+    """
+    if across > down:
+        return max(1, round(width * across / down)), height
+    return width, max(1, round(height * down / across))
+
+
+def square(frame: np.ndarray, across: int, down: int) -> np.ndarray:
+    """Stretch ``frame`` (H, W, 3), whose pixels are ``across`` to ``down``, so that they are square."""
+    import cv2
+
+    size = square_size(frame.shape[1], frame.shape[0], across, down)
+    return cv2.resize(frame, size, interpolation=cv2.INTER_LINEAR)
+
+
+def variable_rate(times: Sequence[float]) -> str:
+    """What to note of a video whose frame rate is variable; empty where it is constant."""
+    intervals = np.diff(times)
+    if len(intervals) < 2:
+        return ""
+    short, long = np.quantile(intervals, (0.1, 0.9))
+    if long <= _VARIABLE * max(short, 1e-6):
+        return ""
+    most = f"{1 / short:.0f}" if short > 1e-6 else "more"
+    return f"variable frame rate, {1 / long:.0f} to {most} frames/s; times are those of the file"
 
 
 def upright(frame: np.ndarray, rotation: int, mirrored: bool = False) -> np.ndarray:

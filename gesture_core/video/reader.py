@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from gesture_core.errors import MissingDependencyError
-from gesture_core.plugin.interfaces import Video, VideoLimits, VideoReader
+from gesture_core.plugin.interfaces import Video, VideoInfo, VideoLimits, VideoReader, VideoReport
 from gesture_core.plugin.registry import calling, registry
+from gesture_core.video.frames import Picture, pictures
+
+if TYPE_CHECKING:
+    import numpy as np
 
 Options = Mapping[str, Mapping[str, Any]]
 
@@ -19,6 +24,7 @@ def open_video(
     reader: str = "auto",
     limits: VideoLimits | None = None,
     options: Options | None = None,
+    fps: float | None = None,
 ) -> Video:
     """Open a video for reading.
 
@@ -33,6 +39,9 @@ def open_video(
     limits : VideoLimits, optional
     options : mapping of mappings, optional
         Options of plugins by their name, as in `Settings.options`.
+    fps : float, optional
+        Frames a second, as in the setting ``video.fps``: the frames then come at this rate, whatever their
+        times in the file are.
 
     Raises
     ------
@@ -47,7 +56,42 @@ def open_video(
     """
     name, chosen = _choose(reader, options or {})
     with calling(registry().find("video", name), passing=(OSError,)):
-        return chosen.open(Path(path), limits or VideoLimits())
+        video = chosen.open(Path(path), limits or VideoLimits())
+    return video if fps is None else _Paced(video, fps)
+
+
+class _Paced:
+    """A video whose frames come at a rate that the user gave."""
+
+    def __init__(self, video: Video, fps: float) -> None:
+        self._video = video
+        self._fps = fps
+
+    @property
+    def info(self) -> VideoInfo:
+        return replace(self._video.info, fps=self._fps)
+
+    @property
+    def report(self) -> VideoReport:
+        found = self._video.report
+        instead = "" if found.assumed else " instead of its own times"
+        return replace(found, assumed=f"{self._fps:g} frames/s{instead} (video.fps)")
+
+    def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
+        for time, convert in self.pictures():
+            if (frame := convert()) is not None:
+                yield time, frame
+
+    def pictures(self) -> Iterator[Picture]:
+        for number, (_, convert) in enumerate(pictures(self._video)):
+            yield number / self._fps, convert
+
+    def __enter__(self) -> Self:
+        self._video.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._video.__exit__(*error)
 
 
 def reader_name(reader: str, options: Options | None = None) -> str:

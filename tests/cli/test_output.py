@@ -42,7 +42,7 @@ def test_keypoints_have_a_table_of_their_own(capsys: pytest.CaptureFixture[str])
             ),
             *rows(),
         ],
-        classified=False,
+        what="keypoints",
     )
     said = capsys.readouterr().out
     assert "label" not in said and "with a pose" in said

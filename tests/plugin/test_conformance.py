@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from _pytest.mark import ParameterSet
 from conftest import ROOT
+from tool_files import POINTS, write_csv, write_pose, write_sleap, write_trc
 
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.plugin import registry
@@ -107,7 +109,22 @@ def samples(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> dic
     np.savez(folder / "two.npz", first=poses[0].keypoints, second=poses[1].keypoints)
     np.savetxt(folder / "bare.csv", poses[0].keypoints.reshape(8, -1), delimiter=",")
     write_keypoints(folder / "stored.parquet", poses[:1], {})
+    (folder / "frames").mkdir()
+    people = []
+    for number, joints in enumerate(poses[0].keypoints):
+        np.save(folder / "frames" / f"{number}.npy", joints)
+        values = np.column_stack([joints, np.ones(len(joints))]).reshape(-1).tolist()
+        people.append({"image_id": f"{number}.jpg", "keypoints": values, "score": 1.0})
+    (folder / "list.json").write_text(json.dumps(people))
+    pytest.importorskip("h5py"), pytest.importorskip("pose_format")
+    flat = np.concatenate([POINTS, np.zeros_like(POINTS[..., :1])], axis=2)
     return {
+        "array-frames": folder / "frames",
+        "deeplabcut-csv": write_csv(folder / "dlc.csv", [""]),
+        "hdf5": write_sleap(folder / "analysis.h5"),
+        "pose-format": write_pose(folder / "clip.pose"),
+        "result-list": folder / "list.json",
+        "trc": write_trc(folder / "clip.trc", flat, "px"),
         "arrays": folder / "two.npz",
         "csv": folder / "bare.csv",
         "openpose-json": next(path for path in sorted(drawn.video_keypoints.iterdir()) if path.is_dir()),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import http.server
+import importlib.util
 import threading
 import zipfile
 from collections.abc import Iterator
@@ -16,7 +17,6 @@ from tiny_networks import dot_network
 
 from gesture_core.cli.main import run
 from gesture_core.errors import ModelError
-from gesture_core.pose import downloads
 from gesture_core.pose import models as models_module
 from gesture_core.pose.downloads import get_model
 from gesture_core.pose.models import KnownModel, added_names, find_model, known_models, read_card
@@ -123,7 +123,7 @@ def test_what_cannot_be_fetched_says_what_to_do(
         with pytest.raises(ModelError, match=r"E_OFFLINE.*gesture models add"):
             get_model(name)
     monkeypatch.delenv("GESTURE_OFFLINE")
-    monkeypatch.setattr(downloads.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ModelError, match=r"E_MISSING_DEPENDENCY.*ensurepip"):
         get_model("tiny")
     with pytest.raises(ModelError, match=r"E_MODEL_UNKNOWN.*Open Model Zoo"):

@@ -17,7 +17,7 @@ from gesture_core.pose.follow import PAUSE
 from gesture_core.pose.models import ModelFile
 from gesture_core.pose.network import NetworkBackend
 from gesture_core.pose.region import Region, RegionFollower
-from gesture_core.skeletons import BLAZEPOSE33
+from gesture_core.skeletons import BLAZEPOSE33, COCO18, Skeleton
 from gesture_core.video import open_video
 
 IMAGE = Tensor("input", "float32", (1, 3, 256, 256))
@@ -71,49 +71,75 @@ def test_people_stand_upright_in_their_square() -> None:
     assert Region.around(middle, middle) is None
 
 
-class Seeing:
-    """Sees a person at a fixed place of the frame while ``there``; ``looks`` counts pictures."""
+def figure(view: np.ndarray, layout: Skeleton) -> np.ndarray:
+    """Keypoints (J, 2) of the figure whose shoulders are a red spot, and whose hips are a blue one."""
+    spots = [np.argwhere(view[..., channel] > 60) for channel in (2, 0)]
+    red, blue = (spot.mean(axis=0)[::-1] if len(spot) else np.full(2, np.nan) for spot in spots)
+    points = np.full((len(layout.joints), 2), np.nan)
+    across = 0.3 * float(np.linalg.norm(red - blue))
+    for sign, side in ((1, "left"), (-1, "right")):
+        points[layout.index(f"{side}_shoulder")] = red + np.array([sign * across, 0])
+        points[layout.index(f"{side}_hip")] = blue + np.array([sign * across, 0])
+    return points
 
-    skeleton, batch_size, region = "blazepose33", 1, 256
+
+class Seeing:
+    """Sees the figure in its square, in a picture without one too where it is ``wrong``."""
+
+    skeleton, batch_size, region, wrong = "blazepose33", 1, 256, False
 
     def __init__(self) -> None:
-        self.there, self.looks = True, 0
-        self.finder = Finding(self)
+        self.finder = Finding()
 
     def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
-        self.looks += 1
-        points, region = np.full((33, 2), 128.0), np.array([(127.5, 127.5), (127.5, 25.1)])
-        return [[Person(points, np.ones(33), region=region)] if self.there else []]
+        (view,) = frames
+        if not view.any():
+            points = np.full((33, 2), 128.0) + np.arange(33)[:, None]
+            return [[Person(points, np.ones(33), region=points[[0, 30]])] if self.wrong else []]
+        points = figure(view, BLAZEPOSE33)
+        hips, shoulders = (
+            points[[BLAZEPOSE33.index(f"{side}_{part}") for side in ("left", "right")]].mean(axis=0)
+            for part in ("hip", "shoulder")
+        )
+        region = np.array([hips, hips + 1.75 * (shoulders - hips)])
+        return [[Person(points, np.ones(33), region=region)]]
 
 
 class Finding:
-    """Finds a standing body while the other sees somebody."""
+    """Finds the figure; in a picture without one, a body somewhere else than the other one."""
 
     skeleton, batch_size = "coco18", 8
 
-    def __init__(self, other: Seeing) -> None:
-        self.other, self.searches = other, 0
-
     def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
-        self.searches += 1
-        points = np.random.default_rng(0).uniform(100, 110, (18, 2))
-        points[[2, 5]], points[[8, 11]] = [(90, 100), (120, 100)], [(95, 140), (115, 140)]
-        return [[Person(points, np.ones(18))] if self.other.there else [] for _ in frames]
+        nobody = np.zeros((64, 64, 3), np.uint8)
+        nobody[20, 20, 2] = nobody[50, 20, 0] = 255
+        found = [figure(view if view.any() else nobody, COCO18) for view in frames]
+        return [[Person(points, np.ones(18))] for points in found]
 
 
-FRAME = np.zeros((240, 320, 3), np.uint8)
+EMPTY = np.zeros((240, 320, 3), np.uint8)
+FRAME = EMPTY.copy()
+FRAME[80:84, 150:154, 2] = FRAME[120:124, 150:154, 0] = 255
 
 
 def test_nobody_is_kept_where_nobody_is_and_searches_become_seldom() -> None:
-    backend = Seeing()
-    follower = RegionFollower(backend)
-    assert all(follower.estimate([FRAME] * 10)) and follower.searches == 1
-    backend.there = False
-    assert not any(follower.estimate([FRAME] * 200))
+    follower = RegionFollower(Seeing())
+    found = follower.estimate([FRAME] * 10)
+    assert follower.searches == 1
+    for person in found:
+        assert person is not None
+        shoulder = person.keypoints[BLAZEPOSE33.index("left_shoulder")]
+        np.testing.assert_allclose(shoulder, (151.5 + 12, 81.5), atol=1)
+    assert not any(follower.estimate([EMPTY] * 200))
     assert follower.searches < 200 / PAUSE + 8
-    backend.there = True
     found = follower.estimate([FRAME] * (PAUSE + 2))
     assert found[-1] is not None  # who comes back is found after the longest pause at the latest
+
+
+def test_a_find_that_the_other_network_does_not_see_is_nobody() -> None:
+    backend = Seeing()
+    backend.wrong = True
+    assert not any(RegionFollower(backend).estimate([EMPTY] * 5))
 
 
 def blaze(model: ModelFile, **options: object) -> NetworkBackend:

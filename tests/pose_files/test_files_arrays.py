@@ -139,7 +139,10 @@ def test_our_own_archive(tmp_path: Path) -> None:
     assert sequence.skeleton == "coco17" and sequence.frame_size == (640, 480)
     np.testing.assert_allclose(sequence.times, times)
     np.testing.assert_allclose(sequence.scores, scores.astype(np.float32))
-    assert sequence.provenance["assumed"] == "unit=pixels", "it says everything else itself"
+    assert sequence.provenance["assumed"] == "", "it says everything itself"
+    said = ReadOptions(axes="yx", unit="shares", order=("h36m17",), fps=5)
+    (again,) = ArrayReader(said).read(path)
+    np.testing.assert_array_equal(again.keypoints, sequence.keypoints)
     np.savez(path, keypoints=points, times=times * 1000)
     assert code_of(path) == "E_KEYPOINTS_TIMES"
     np.savez(path, keypoints=points, scores=scores[:3])

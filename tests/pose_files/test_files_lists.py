@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,14 @@ import pytest
 from frames import person
 from gesture_pose_files.openpose_json import OpenPoseJsonReader
 from gesture_pose_files.result_list import ResultListReader
+from json_fuzz import fuzz
+from outcomes import check as outcome_of
 
 from gesture_core.errors import KeypointError
+from gesture_core.plugin.interfaces import KeypointReader
 from gesture_core.plugin.reading import ReadOptions
+from gesture_core.skeletons import COCO18
+from gesture_core.testing import READER_CHECKS
 
 FRAMES = 12
 BODIES = [person(17, (100 + 3 * number, 50), seed=1) for number in range(FRAMES)]
@@ -216,3 +222,45 @@ def test_a_list_that_is_cut_is_no_json(tmp_path: Path) -> None:
 def test_other_json_is_not_taken(tmp_path: Path, text: str) -> None:
     (tmp_path / "x.json").write_text(text)
     assert not ResultListReader().accepts(tmp_path / "x.json")
+
+
+def test_an_order_that_the_list_names(tmp_path: Path) -> None:
+    """Human3.6M has 17 joints too, in another order; CrowdPose has 14, which no number tells."""
+    crowdpose = [
+        "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
+        "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle", "top_head", "neck",
+    ]  # fmt: skip
+    h36m = [
+        "root", "right_hip", "right_knee", "right_foot", "left_hip", "left_knee", "left_foot", "spine",
+        "thorax", "neck_base", "head", "left_shoulder", "left_elbow", "left_wrist", "right_shoulder",
+        "right_elbow", "right_wrist",
+    ]  # fmt: skip
+    for names in (crowdpose, h36m):
+        bodies = [person(len(names), (number, 0), seed=2) for number in range(FRAMES)]
+        meta = {"keypoint_id2name": {str(n): name for n, name in enumerate(names)}}
+        tree = {"meta_info": meta, "instance_info": mmpose(bodies)}
+        (sequence,) = ResultListReader().read(write(tmp_path / "a.json", tree))
+        assert sequence.skeleton == "coco18" and "order" not in sequence.provenance["assumed"]
+        for joint in ("left_elbow", "right_wrist", "left_hip"):
+            found = sequence.keypoints[:, COCO18.index(joint)]
+            wanted = [body[names.index(joint), :2] for body in bodies]
+            np.testing.assert_allclose(found, wanted, rtol=1e-5)
+
+
+@pytest.mark.parametrize("check", READER_CHECKS)
+@pytest.mark.parametrize("form", ["alphapose", "mmpose with meta", "coco annotations"])
+def test_the_reader_keeps_the_contract(
+    tmp_path: Path, form: str, check: Callable[[KeypointReader, Path], None]
+) -> None:
+    check(ResultListReader(), write(tmp_path / "clip.json", FORMS[form][0]))
+
+
+def test_broken_lists(tmp_path: Path) -> None:
+    """Lists whose bytes, values and structure are broken: a sequence or a typed error, cheaply."""
+    sound = [json.dumps(tree).encode() for tree, _ in FORMS.values()]
+    path = tmp_path / "x.json"
+    outcomes = []
+    for number in range(300):
+        path.write_bytes(fuzz(sound, f"lists:{number}"))
+        outcomes.append(outcome_of(ResultListReader(), path))
+    assert outcomes.count("ok") > 10 and {"E_KEYPOINTS_JSON", "E_KEYPOINTS_FORMAT"} <= set(outcomes)

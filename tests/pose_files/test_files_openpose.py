@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -309,6 +310,32 @@ def test_people_as_one_object_nan_and_null_are_missing_joints(tmp_path: Path) ->
     (sequence,) = OpenPoseJsonReader().read(tmp_path)
     assert sequence.seen.sum(axis=1).tolist() == [16, 16, 16] and "lost" not in sequence.provenance
     assert not sequence.seen[:, 1:3].any()
+
+
+def ultralytics(body: np.ndarray) -> object:
+    points = {"x": body[:, 0].tolist(), "y": body[:, 1].tolist(), "visible": body[:, 2].tolist()}
+    return [{"name": "person", "class": 0, "box": {"x1": 1.0}, "track_id": 1, "keypoints": points}]
+
+
+def mmpose(body: np.ndarray) -> object:
+    scores = body[:, 2].tolist()
+    return [{"keypoints": body[:, :2].tolist(), "keypoint_scores": scores, "bbox": [[0, 0, 1, 1]]}]
+
+
+def alphapose(body: np.ndarray) -> object:
+    return {"version": "AlphaPose v0.3", "bodies": [{"joints": body.reshape(-1).tolist()}]}
+
+
+@pytest.mark.parametrize("draw", [ultralytics, mmpose, alphapose])
+def test_frames_of_other_tools(tmp_path: Path, draw: Callable[[np.ndarray], object]) -> None:
+    bodies = [person(17, (3 * number, 50)) for number in range(11)]
+    for number, body in enumerate(bodies):
+        (tmp_path / f"clip_{number}.json").write_text(json.dumps(draw(body)))
+    assert OpenPoseJsonReader().accepts(tmp_path)
+    (sequence,) = OpenPoseJsonReader().read(tmp_path)
+    assert sequence.skeleton == "coco17"
+    np.testing.assert_allclose(sequence.keypoints, np.array(bodies)[..., :2], rtol=1e-5)
+    np.testing.assert_allclose(sequence.scores, np.array(bodies)[..., 2], rtol=1e-5)
 
 
 def test_hands_are_noted_where_there_are_any(tmp_path: Path) -> None:

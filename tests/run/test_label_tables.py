@@ -49,8 +49,10 @@ def test_tables_of_spreadsheets_and_other_systems(clips: list[Input], tmp_path: 
         ("path,label\nclap/1.avi,no\n", "has no line for it"),
         ("path,label\nclap/1.avi,no\nwave/ben 2.avi,yes\n", r"has no line for it.*'wave/ben 2\.avi' is near"),
         ("path,label\nclap/1.avi,no\nwave/bén 2.avi,\n", "its line there has no label"),
-        ("path,gesture\nclap/1.avi,no\n", r"no column 'label', but path, gesture"),
-        ("clip,label\nclap/1.avi,no\n", r"no column 'path', but clip, label"),
+        ("path,word,kind\nclap/1.avi,no,1\n", r"no column 'label', but path, word, kind.*--label-columns"),
+        ("where,label\nclap/1.avi,no\n", r"no column 'path', but where, label.*--label-columns"),
+        ("path,class,sign\nclap/1.avi,0,no\n", r"no column 'label', but path, class, sign"),
+        ("a,b\nc,d\n", r"has no header, and no line about any input: its first line is 'a,b'"),
         ("", "is empty"),
     ],
 )
@@ -140,3 +142,81 @@ def test_a_folder_inside_another_keeps_its_own_line(clips: list[Input], tmp_path
 def test_a_clip_above_the_folders_of_labels_is_told_so(clips: list[Input]) -> None:
     with pytest.raises(ConfigError, match=r"it lies in no folder below .*clap"):
         label_inputs(clips, "folder", [clips[0].path.parent])
+
+
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        ("filename,class\nclap/1.avi,no\nwave/bén 2.avi,yes\n", ""),
+        ("\ufefffilename;class;x\nclap/1.avi;no;1\nwave/bén 2.avi;yes;2\n", ""),
+        (",path,label\n0,clap/1.avi,no\n1,wave/bén 2.avi,yes\n", ""),
+        ("video_id,label\nclap/1,no\nwave/bén 2,yes\n", ""),
+        ("video_id,label\n1,no\nbén 2,yes\n", ""),
+        ("path,signer,sign\nclap/1.avi,7,no\nwave/bén 2.avi,8,yes\n", ""),
+        ("path,label\nclap\\1.avi,no\nwave\\bén 2.avi,yes\n", ""),
+        ("clap/1.avi,no\nwave/bén 2.avi,yes\n", ""),
+        ("clap/1.avi\tno\nwave/bén 2.avi\tyes\n", ""),
+        ("where;what\nclap/1.avi;no\nwave/bén 2.avi;yes\n", "where,what"),
+        ("Id,Where,What\n1,clap/1.avi,no\n2,wave/bén 2.avi,yes\n", "WHERE, what"),
+        ("no,7,clap/1.avi\nyes,8,wave/bén 2.avi\n", "3,1"),
+        ("path,label,gesture\nclap/1.avi,0,no\nwave/bén 2.avi,1,yes\n", "path,gesture"),
+    ],
+)
+def test_tables_of_others(clips: list[Input], tmp_path: Path, text: str, columns: str) -> None:
+    table = tmp_path / "labels.csv"
+    table.write_text(text, encoding="utf-8")
+    found = label_inputs(clips, str(table), [tmp_path], columns)
+    assert [item.label for item in found] == ["no", "yes"]
+
+
+def test_a_table_in_another_folder_and_of_another_computer(clips: list[Input], tmp_path: Path) -> None:
+    table = tmp_path / "tables" / "labels.tsv"
+    table.parent.mkdir()
+    assert labels(clips, table, "path\tlabel\nclap/1.avi\tno\nwave/bén 2.avi\tyes\n") == ["no", "yes"]
+    for root in ("/data/archive/", "D:\\data\\"):
+        text = f"path\tlabel\n{root}clap/1.avi\tno\n{root}wave/bén 2.avi\tyes\n"
+        with pytest.warns(
+            UserWarning, match="2 of 2 inputs were found by the end of a path that is not here"
+        ):
+            assert labels(clips, table, text) == ["no", "yes"]
+    with pytest.raises(ConfigError, match="no line for it"):
+        labels(clips, table, "path\tlabel\nclap/1.avi\tno\nhands/bén 2.avi\tyes\n")
+
+
+def test_space_separates_only_where_it_always_does(tmp_path: Path) -> None:
+    (tmp_path / "a.avi").touch()
+    items, table = discover([tmp_path]), tmp_path / "labels.csv"
+    assert labels(items, table, "path label\na.avi no\n") == ["no"]
+    with pytest.raises(ConfigError, match="no column 'path'"):
+        labels(items, table, "path label\na.avi no\nb c.avi yes\n")
+
+
+def test_one_line_is_about_one_clip(tmp_path: Path) -> None:
+    for name in ("a/1.avi", "b/1.avi"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+    items = discover([tmp_path])
+    with pytest.raises(ConfigError, match=r"one line, 1, could be about .*a/1\.avi and .*b/1\.avi"):
+        labels(items, tmp_path / "labels.csv", "name,label\n1,no\n")
+    with pytest.raises(InputError, match="is listed as no and as yes"):
+        labels(items, tmp_path / "labels.csv", "name,label\n1,no\n1.avi,yes\n1,yes\n")
+    assert labels(items, tmp_path / "labels.csv", "name,label\na/1,no\nb/1,yes\n") == ["no", "yes"]
+
+
+@pytest.mark.parametrize("columns", ["path", "path,", "a,b,c"])
+def test_columns_are_two(clips: list[Input], tmp_path: Path, columns: str) -> None:
+    (tmp_path / "labels.csv").write_text("path,label\nclap/1.avi,no\n")
+    with pytest.raises(ConfigError) as caught:
+        label_inputs(clips, str(tmp_path / "labels.csv"), [tmp_path], columns)
+    assert caught.value.code == "E_OPTION"
+    with pytest.raises(ConfigError, match="has no column 'z'"):
+        label_inputs(clips, str(tmp_path / "labels.csv"), [tmp_path], "path,z")
+    with pytest.raises(ConfigError, match="without a table"):
+        label_inputs(clips, "folder", [tmp_path], "path,label")
+
+
+def test_manifests_with_separators_of_windows(clips: list[Input], tmp_path: Path) -> None:
+    (tmp_path / "list.csv").write_text("path,label\nclap\\1.avi,no\n")
+    assert [item.label for item in discover([tmp_path / "list.csv"])] == ["no"]
+    (tmp_path / "list.txt").write_text("clap\\1.avi\n", newline="\r\n")
+    assert len(discover([tmp_path / "list.txt"])) == 1

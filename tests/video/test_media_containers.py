@@ -207,14 +207,6 @@ def test_a_cover_picture_is_no_video(tmp_path: Path) -> None:
     assert caught.value.code == "E_MEDIA_NO_VIDEO"
 
 
-@pytest.mark.parametrize("reader", READERS)
-def test_pixels_that_are_not_square_are_noted(tmp_path: Path, reader: str) -> None:
-    write_clip(tmp_path / "wide.mp4", "h264", options={"x264-params": "sar=64/45"})
-    times, report = read(tmp_path / "wide.mp4", reader)
-    assert len(times) == FRAMES and report.complete
-    assert any("not square (64:45)" in note for note in report.notes)
-
-
 def test_a_lost_block_in_a_matroska_of_constant_rate_is_damage(clips: Path, tmp_path: Path) -> None:
     """Its header changed to one that demuxers pass over: no error is raised or logged."""
     data = bytearray((clips / "mjpeg.mkv").read_bytes())

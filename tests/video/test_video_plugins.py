@@ -81,19 +81,19 @@ def clip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_what_all_readers_share_is_done_for_them(clip: Path) -> None:
     with open_video(clip, "stripes", options={"stripes": {"rotation": 89}}) as video:
         items = list(video)
-    assert video.info == VideoInfo(4, 8, 5, 25.0, 90, "stripes", "avi", "stripes")
+    assert video.info == VideoInfo(4, 11, 5, 25.0, 90, "stripes", "avi", "stripes")
     np.testing.assert_allclose([seconds for seconds, _ in items], [0, 0.04, 0.08, 0.12, 0.16])
-    assert {frame.shape for _, frame in items} == {(8, 4, 3)}
+    assert {frame.shape for _, frame in items} == {(11, 4, 3)}
     report = video.report
     assert (report.frames_declared, report.frames_read, report.damaged) == (5, 5, 2)
     assert not report.complete and report.reader == "stripes"
     said = "; ".join(report.notes)
     for clause in (
-        "not square (4:3)",
+        "pixels of 4:3 made square: 8 x 4 shown as 11 x 4",
         "placed at 25 frames/s",
         "run backwards",
         "with a hole",
-        "into 4 x 8",
+        "into 4 x 11",
         "drawn (5 times)",
     ):
         assert clause in said

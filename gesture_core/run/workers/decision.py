@@ -18,7 +18,8 @@ from gesture_core.files import tree_sha256
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.run.results import DISTANCES, FITTED
 from gesture_core.settings import Settings
-from gesture_core.types import PoseSequence, Prediction, Signals
+from gesture_core.spot.spotter import Spotter
+from gesture_core.types import Event, PoseSequence, Prediction, Signals
 
 
 class Decider:
@@ -27,6 +28,8 @@ class Decider:
     Parameters
     ----------
     settings : Settings
+    spot : bool
+        Look for the examples in long recordings.
 
     Raises
     ------
@@ -34,17 +37,24 @@ class Decider:
         Where the settings name plugins that cannot be used.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, *, spot: bool = False) -> None:
         from gesture_core.dtw.distances import choose_kernel
+        from gesture_core.dtw.subsequence import choose_subsequence_kernel
         from gesture_core.signals.chain import Chain
 
         check_settings(settings)
         Chain.from_settings(settings)
-        self.kernel, _ = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)
+        self._spot = spot
+        kernel = settings.classify.kernel
+        if spot:  # one kernel for both stages
+            kernel, _ = choose_subsequence_kernel(kernel, settings.options)
+        self.kernel, _ = choose_kernel(kernel, settings.dtw, settings.options)
         self._entry = registry().find("kernel", self.kernel)
         self._settings = replace(settings, classify=replace(settings.classify, kernel=self.kernel))
         self._recognizer: Recognizer | None = None
         self._known: KnownDistances | None = None
+        self._spotter: Spotter | None = None
+        self._poses: list[PoseSequence] = []
         self._signals: list[Signals] = []
         self._labels: list[str] = []
         self._names: list[str] = []
@@ -66,6 +76,8 @@ class Decider:
         self._signals.append(signals)
         self._labels.append(label)
         self._names.append(name)
+        if self._spot:
+            self._poses.append(people[0])
 
     def fit(self, run: Path, fingerprint: str, alive: Callable[[], None]) -> None:
         """All examples are there; a PluginError where the kernel fails at comparing them.
@@ -81,11 +93,17 @@ class Decider:
         alive : callable
             Called while examples are compared with each other.
         """
-        self._known = KnownDistances.read(run / DISTANCES, self._compared_by())
+        known = KnownDistances.read(run / DISTANCES, self._compared_by())
         with calling(self._entry, kept="the keypoints", remedy="another --kernel, or report it"):
+            if self._spot:
+                self._spotter = Spotter(
+                    self._poses, self._labels, self._settings, names=self._names, alive=alive
+                )
+                return
             self._recognizer = Recognizer.fit(
-                self._settings, self._signals, self._labels, self._names, alive=alive, known=self._known
+                self._settings, self._signals, self._labels, self._names, alive=alive, known=known
             )
+        self._known = known
         facts = {"fingerprint": fingerprint, "examples": len(self._signals)}
         save_recognizer(self._recognizer, run / FITTED, facts)
         self.keep(run)
@@ -112,6 +130,15 @@ class Decider:
         chosen = {name: tree["classify"][name] for name in decide}
         options, still = self._settings.plugin_options(self.kernel), tree["signals"]["still"]
         return tree_sha256([__version__, self._entry.identity, tree["dtw"], chosen, options, still])
+
+    def spot(self, pose: PoseSequence, alive: Callable[[], None]) -> tuple[list[Event], str]:
+        """The events in a recording of one person, and what could not be searched.
+
+        ``alive`` is called while they are looked for.
+        """
+        assert self._spotter is not None, "fit comes first"
+        with calling(self._entry, remedy="another --kernel, or report it"):
+            return self._spotter.spot_with_note(pose, alive)
 
     def predict(self, poses: Sequence[PoseSequence]) -> list[Prediction]:
         """One prediction for each of ``poses``, together; one by one where that fails."""

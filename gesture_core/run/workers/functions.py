@@ -12,7 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from gesture_core.errors import GestureError, PluginError, PoseError
+from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError
 from gesture_core.plugin.interfaces import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.run.workers.keypoints import open_reader
@@ -157,6 +157,23 @@ def decide(worker: Worker, inputs: Sequence[Mapping[str, Any]]) -> list[list[dic
     ]
 
 
+def spot(worker: Worker, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[str, Any]]]:
+    """The ``events`` of everybody in each of some stored inputs, or what a `Prediction` says of an error."""
+    answers: list[list[dict[str, Any]]] = []
+    for one in inputs:
+        answers.append([])
+        worker.report({"slow": True})
+        for pose in _people(worker, one["stored"], one["name"]):
+            try:
+                events, note = worker.decider.spot(pose, worker.alive)
+                answers[-1].append({"events": [asdict(event) for event in events], "note": note})
+            except ConfigError:
+                raise
+            except GestureError as error:
+                answers[-1].append({"status": "error", "code": error.code, "message": error.message})
+    return answers
+
+
 def _people(worker: Worker, stored: str, name: str) -> Sequence[Any]:
     from gesture_core.run.store import read_keypoints
 
@@ -180,7 +197,7 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
         try_model, extract, accepts, refusal, members, open_classifier, add_example, fit, open_fitted, decide,
-        keep_distances, suffix, write_rows,
+        keep_distances, spot, suffix, write_rows,
     )
 }  # fmt: skip
 """Every function that a task may name; each takes the `Worker` and the task's arguments."""

@@ -197,7 +197,7 @@ class KeypointExtractor:
         from gesture_core.video import open_video
 
         limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-        with open_video(path, settings.pose.reader, limits, settings.options) as video:
+        with open_video(path, settings.pose.reader, limits, settings.options, settings.video.fps) as video:
             frames = _Looked(video, settings.pose.rate, self._report)
             with calling(registry().find("pose", settings.pose.backend), passing=(OSError,)):
                 sequences = extract_poses(
@@ -216,6 +216,7 @@ class KeypointExtractor:
                 *([_OTHERS] if others >= max(1, report.frames_read * _OFTEN) else []),
             ],
             "seconds": frames.seconds,
+            "assumed": str(report.assumed),
         }
 
     def _from_reader(self, path: Path, member: str, name: str) -> tuple[list[PoseSequence], dict[str, Any]]:

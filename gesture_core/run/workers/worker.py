@@ -66,7 +66,7 @@ class Worker:
         """Has the examples and decides."""
         from gesture_core.run.workers.decision import Decider
 
-        return Decider(self.settings)
+        return Decider(self.settings, spot=self.job.spot)
 
     def alive(self) -> None:
         """A sign of progress."""

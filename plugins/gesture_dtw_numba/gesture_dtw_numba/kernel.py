@@ -12,7 +12,14 @@ from gesture_core.cores import usable_cores
 from gesture_core.dtw.bands import has_holes, is_banded
 from gesture_core.dtw.batches import lane_cost
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.plugin.interfaces import BoundedKernel, GradientKernel, LowerBoundKernel, PairKernel
+from gesture_core.plugin.interfaces import (
+    BoundedKernel,
+    GradientKernel,
+    LowerBoundKernel,
+    PairKernel,
+    SubsequenceKernel,
+    Subsequences,
+)
 from gesture_core.types import SignalBatch
 from gesture_dtw_numba.bounds import keogh
 from gesture_dtw_numba.compiled import LANES, ROWS
@@ -40,7 +47,7 @@ class Prepared:
 
 
 @dataclass(frozen=True)
-class NumbaKernel(PairKernel, BoundedKernel, GradientKernel, LowerBoundKernel):
+class NumbaKernel(PairKernel, BoundedKernel, GradientKernel, LowerBoundKernel, SubsequenceKernel):
     """Warping distances in compiled loops, in the dtype of the batches.
 
     Attributes
@@ -129,6 +136,12 @@ class NumbaKernel(PairKernel, BoundedKernel, GradientKernel, LowerBoundKernel):
 
         lanes = GradientLanes()
         return lanes.gradients(lanes.prepare(state.batch, state.spec), queries, weights)
+
+    def subsequences(self, examples: Sequence[np.ndarray], floor: float) -> Subsequences:
+        """A stream in which ``examples`` are looked for, in float32."""
+        from gesture_dtw_numba.subsequences import NumbaSubsequences
+
+        return NumbaSubsequences(examples, floor, self.threads)
 
     def _run(
         self,

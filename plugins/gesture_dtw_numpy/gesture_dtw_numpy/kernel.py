@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
 from gesture_core.dtw.spec import DtwSpec
+from gesture_core.plugin.interfaces import SubsequenceKernel
 from gesture_dtw_numpy.gradient import lane_gradients
+from gesture_dtw_numpy.subsequences import NumpySubsequences
 
 
-class NumpyKernel(GradientLaneKernel):
+class NumpyKernel(GradientLaneKernel, SubsequenceKernel):
     """Warping distances wherever NumPy runs, in the dtype of the batches."""
 
     lane_cells = 1 << 15
@@ -51,6 +55,10 @@ class NumpyKernel(GradientLaneKernel):
     def warp_gradients(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(P,), (n_max, C, P), (m_max, C, P): soft accumulated costs and their gradients."""
         return lane_gradients(lanes)
+
+    def subsequences(self, examples: Sequence[np.ndarray], floor: float) -> NumpySubsequences:
+        """A stream in which ``examples`` are looked for, in float64."""
+        return NumpySubsequences(examples, floor)
 
 
 def _cost(x: np.ndarray, y: np.ndarray, cost: str) -> np.ndarray:

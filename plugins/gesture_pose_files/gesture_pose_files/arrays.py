@@ -1,14 +1,10 @@
-"""Keypoints in ``.npy`` and ``.npz``: plain arrays, our own archives, and archives of many sequences."""
+"""Keypoints in ``.npy`` and ``.npz``: plain arrays, archives of one sequence, and archives of many."""
 
 from __future__ import annotations
 
-import lzma
-import struct
 import zipfile
-import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,21 +14,24 @@ from gesture_core.files import printable
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import Skeleton
 from gesture_core.types import PoseSequence
-from gesture_pose_files.files import (
-    COPY_AGAIN,
-    MAX_ARRAY_BYTES,
-    MAX_MEMBERS,
-    head_of,
-    open_keypoints,
-)
+from gesture_pose_files.files import check_people, head_of, open_keypoints
 from gesture_pose_files.layout import check_seconds, sequence, skeleton_called
-from gesture_pose_files.npy import read_array, read_header
+from gesture_pose_files.named import best
+from gesture_pose_files.npy import MAX_FILE_BYTES, read_array, read_header
+from gesture_pose_files.npz import Members, array_in, members_of, opened, shape_of
+from gesture_pose_files.whole_body import is_known, is_one_frame, people_in
 
 _PICKLES = (".pkl", ".pickle", ".joblib")
 _NPY_MAGIC = b"\x93NUMPY"
 _ZIP_MAGIC = b"PK\x03\x04"
-_MAX_FILE_BYTES = 2 << 30
 _MAX_NAME_CHARS = 64
+_KEYPOINTS = ("keypoints", "keypoint", "pose", "poses", "pose_landmarks", "body")
+_SCORES = (
+    "scores", "score", "keypoint_scores", "keypoint_score", "keypoints_score", "confidence", "conf",
+    "visibility", "pose_scores",
+)  # fmt: skip
+# Joints of a hand, and of a face as dlib, MediaPipe, and MediaPipe with irises have them.
+_HAND_AND_FACE = (21, 68, 70, 468, 478)
 
 
 @dataclass(frozen=True)
@@ -40,23 +39,31 @@ class ArrayReader:
     """Reads keypoint arrays.
 
     - ``.npy``: (T, J, 2|3|4) or (T, 2J|3J|4J); J of 15 (MPI), 17 (COCO), 18 (OpenPose COCO), 25
-      (BODY_25) or 33 (MediaPipe).
+      (BODY_25), 26 (Halpe) or 33 (MediaPipe); of 133, 136 and 137 (whole body) and 543, 1629 and 1662
+      (MediaPipe holistic) the part that is the body. Axes of one are left out; four axes are people, too.
     - ``.npz`` with ``keypoints`` and, if present, ``scores``, ``times``, ``skeleton``, ``frame_size``.
+    - ``.npz`` with one array of a body beside arrays of scores, hands, face or boxes.
     - ``.npz`` with one such array for each sequence, its key the sequence's name.
 
     Attributes
     ----------
     options : ReadOptions
         What files leave open. Our own archives name their joints, and say x first.
+    people : "single" or "multi"
+        Of an array with people: the one with the highest scores, or each.
     """
 
     options: ReadOptions = field(default_factory=ReadOptions)
+    people: str = "single"
+
+    def __post_init__(self) -> None:
+        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
-        """Whether ``path`` is called ``.npy`` or ``.npz`` and begins like one."""
+        """Whether ``path`` is called ``.npy`` or ``.npz`` and begins like one; one frame is no sequence."""
         suffix = path.suffix.lower()
         if suffix == ".npy":
-            return head_of(path, 6) == _NPY_MAGIC
+            return head_of(path, 6) == _NPY_MAGIC and not self._is_one_frame(path)
         return suffix == ".npz" and head_of(path, 4) == _ZIP_MAGIC
 
     def refusal(self, path: Path) -> str:
@@ -66,14 +73,24 @@ class ArrayReader:
                 "pickles are not opened, for they can run any code; save what it holds once, with "
                 "np.savez('clip.npz', keypoints=…, scores=…), or a folder of such files"
             )
+        if self._is_one_frame(path):
+            return "it is one frame, and a clip is a folder of them, numbered as 0.npy, 1.npy, …"
         return f"it does not begin as NumPy's files do, but with {head_of(path, 12)!r}"
+
+    def _is_one_frame(self, path: Path) -> bool:
+        """By its header; what has none is no frame."""
+        try:
+            with open_keypoints(path, MAX_FILE_BYTES) as file:
+                return is_one_frame(read_header(file, printable(path))[0], self.options)
+        except KeypointError:
+            return False
 
     def members(self, path: Path) -> list[str]:
         """Names of the sequences in ``path``; ``[""]`` where it holds one."""
         if head_of(path, 4) != _ZIP_MAGIC:
             return [""]
-        with _archive(path) as archive:
-            names = _sequence_names(archive, path)
+        with opened(path) as archive:
+            names = _sequence_names(_shapes(archive, members_of(archive, path), path), self.options)
         return names if len(names) > 1 else [""]
 
     def read(self, path: Path, member: str = "") -> list[PoseSequence]:
@@ -87,23 +104,24 @@ class ArrayReader:
         """
         source = printable(path) + (f"::{member}" if member else "")
         if head_of(path, 4) == _ZIP_MAGIC:
-            with _archive(path) as archive:
-                return [self._from_archive(archive, path, member, source)]
+            with opened(path) as archive:
+                return self._from_archive(archive, path, member, source)
         if member:
             raise KeypointError(
                 f"is one array, it has no member {member!r}", subject=source, code="E_KEYPOINTS_MEMBER"
             )
-        with open_keypoints(path, _MAX_FILE_BYTES) as file:
-            return [sequence(read_array(file, source), self.options, source=source, reader="arrays")]
+        with open_keypoints(path, MAX_FILE_BYTES) as file:
+            return self._sequences(read_array(file, source), self.options, source)
 
-    def _from_archive(self, archive: zipfile.ZipFile, path: Path, member: str, source: str) -> PoseSequence:
-        keys = _keys(archive, path)
-        if not member and "keypoints" in keys:
-            return _own_archive(archive, keys, self.options, source)
-        if not member:
-            names = _sequence_names(archive, path)
-            member = names[0] if len(names) == 1 else ""
-        if member not in keys:
+    def _from_archive(
+        self, archive: zipfile.ZipFile, path: Path, member: str, source: str
+    ) -> list[PoseSequence]:
+        keys = members_of(archive, path)
+        options = _with_rate(archive, keys, self.options, source)
+        if member in keys:
+            return self._sequences(array_in(archive, keys[member], source), options, source)
+        names = _sequence_names(_shapes(archive, keys, path), options) if not member else []
+        if len(names) != 1:
             shown = ", ".join(list(keys)[:5]) + (", …" if len(keys) > 5 else "")
             raise KeypointError(
                 f"holds {len(keys)} arrays, and {member!r} is none of them",
@@ -111,101 +129,115 @@ class ArrayReader:
                 remedy=f"one of {shown}" if keys else "arrays of keypoints",
                 code="E_KEYPOINTS_MEMBER",
             )
-        return sequence(_array(archive, keys[member], source), self.options, source=source, reader="arrays")
+        (name,) = names
+        points = array_in(archive, keys[name], source)
+        if scores := next((key for key in _SCORES if key in keys and key != name), ""):
+            points = _with_scores(points, array_in(archive, keys[scores], source), source)
+        times = array_in(archive, keys["times"], source) if "times" in keys else None
+        if times is not None and times.shape != points.shape[:1]:
+            raise KeypointError(
+                f"times {times.shape} do not fit keypoints {points.shape}",
+                subject=source,
+                code="E_KEYPOINTS_SHAPE",
+            )
+        if times is not None:
+            check_seconds(times, source)
+        body: Skeleton | None = None
+        if "skeleton" in keys:
+            text = array_in(archive, keys["skeleton"], source, kinds="U")
+            body = skeleton_called(
+                str(text.reshape(-1)[0])[:_MAX_NAME_CHARS] if text.size == 1 else "?", source
+            )
+        size = None
+        if "frame_size" in keys:
+            pair = array_in(archive, keys["frame_size"], source).reshape(-1)
+            if len(pair) == 2 and (pair >= 1).all() and (pair < 1 << 20).all():
+                size = (int(pair[0]), int(pair[1]))
+        used = {name, scores, "times", "skeleton", "frame_size", *_RATES}
+        others = [key for key in keys if key not in used]
+        more = ", …" if others[5:] else ""
+        notes = (f"arrays that are not used: {', '.join(others[:5])}{more}",) if others else ()
+        return self._sequences(points, options, source, times, body, size, notes)
+
+    def _sequences(
+        self,
+        array: np.ndarray,
+        options: ReadOptions,
+        source: str,
+        times: np.ndarray | None = None,
+        body: Skeleton | None = None,
+        size: tuple[int, int] | None = None,
+        notes: tuple[str, ...] = (),
+    ) -> list[PoseSequence]:
+        people, left_out = ([array], ()) if body else people_in(array, options, source)
+        found = [
+            sequence(
+                one,
+                options,
+                source=source,
+                reader="arrays",
+                times=times,
+                body=body,
+                axes="xy" if body else None,
+                own=body is not None,
+                frame_size=size,
+                notes=(*left_out, *notes),
+            )
+            for one in people
+        ]
+        return found if len(found) == 1 else best(found, self.people)
 
 
-def _own_archive(
-    archive: zipfile.ZipFile, keys: dict[str, zipfile.ZipInfo], options: ReadOptions, source: str
-) -> PoseSequence:
-    points = _array(archive, keys["keypoints"], source)
-    scores = _array(archive, keys["scores"], source) if "scores" in keys else None
-    times = _array(archive, keys["times"], source) if "times" in keys else None
-    if scores is not None and scores.shape != points.shape[:2]:
+_RATES = ("fps", "frame_rate", "framerate")
+
+
+def _with_rate(archive: zipfile.ZipFile, keys: Members, options: ReadOptions, source: str) -> ReadOptions:
+    """The options with the rate that the archive itself says."""
+    name = next((key for key in _RATES if key in keys), None)
+    if name is None or options.fps is not None:
+        return options
+    rate = array_in(archive, keys[name], source).reshape(-1)
+    known = len(rate) == 1 and 0.001 <= rate[0] <= 100_000
+    return replace(options, fps=float(rate[0])) if known else options
+
+
+def _with_scores(points: np.ndarray, scores: np.ndarray, source: str) -> np.ndarray:
+    if scores.shape == (*points.shape[:-1], 1):
+        scores = scores[..., 0]
+    if scores.shape != points.shape[:-1]:
         raise KeypointError(
             f"scores {scores.shape} do not fit keypoints {points.shape}",
             subject=source,
             code="E_KEYPOINTS_SHAPE",
         )
-    if times is not None and times.shape != points.shape[:1]:
-        raise KeypointError(
-            f"times {times.shape} do not fit keypoints {points.shape}",
-            subject=source,
-            code="E_KEYPOINTS_SHAPE",
-        )
-    if times is not None:
-        check_seconds(times, source)
-    body: Skeleton | None = None
-    if "skeleton" in keys:
-        text = _array(archive, keys["skeleton"], source, kinds="U")
-        body = skeleton_called(str(text.reshape(-1)[0])[:_MAX_NAME_CHARS] if text.size == 1 else "?", source)
-    size = None
-    if "frame_size" in keys:
-        pair = _array(archive, keys["frame_size"], source).reshape(-1)
-        if len(pair) == 2 and (pair >= 1).all() and (pair < 1 << 20).all():
-            size = (int(pair[0]), int(pair[1]))
-    return sequence(
-        points,
-        options,
-        source=source,
-        reader="arrays",
-        scores=scores,
-        times=times,
-        body=body,
-        axes="xy" if body else None,
-        frame_size=size,
-    )
+    kept = points if points.shape[-1] < 4 else points[..., :3]
+    return np.concatenate([kept, scores[..., None]], axis=-1)
 
 
-def _sequence_names(archive: zipfile.ZipFile, path: Path) -> list[str]:
-    """Keys of the arrays with two or three axes, in the archive's order; smaller ones describe them."""
-    keys = _keys(archive, path)
-    if "keypoints" in keys:
+def _shapes(archive: zipfile.ZipFile, keys: Members, path: Path) -> Mapping[str, tuple[int, ...]]:
+    return {key: shape_of(archive, info, printable(path)) for key, info in keys.items()}
+
+
+def _sequence_names(shapes: Mapping[str, tuple[int, ...]], options: ReadOptions) -> list[str]:
+    """Keys of the arrays that are sequences, in the archive's order; the others describe them.
+
+    One array called ``keypoints``, or the only one of a body beside scores, hands, faces and boxes, is the
+    sequence; otherwise every array with two or three axes is one.
+    """
+    if "keypoints" in shapes:
         return ["keypoints"]
-    return [key for key, info in keys.items() if len(_shape(archive, info, printable(path))) >= 2]
+    bodies = [key for key, shape in shapes.items() if is_known(shape, options)]
+    named = [key for key in _KEYPOINTS if key in bodies]
+    main = named[0] if named else bodies[0] if len(bodies) == 1 else ""
+    if main and all(_describes(shapes[key], shapes[main]) for key in shapes if key != main):
+        return [main]
+    return [key for key, shape in shapes.items() if len(shape) >= 2]
 
 
-def _keys(archive: zipfile.ZipFile, path: Path) -> dict[str, zipfile.ZipInfo]:
-    infos = archive.infolist()
-    if len(infos) > MAX_MEMBERS:
-        raise KeypointError(
-            f"holds {len(infos)} members, more than {MAX_MEMBERS}",
-            subject=printable(path),
-            remedy="split it",
-            code="E_KEYPOINTS_LIMIT",
-        )
-    return {info.filename.removesuffix(".npy"): info for info in infos if info.filename.endswith(".npy")}
-
-
-def _shape(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> tuple[int, ...]:
-    with archive.open(info) as file:
-        return read_header(file, f"{name}::{info.filename}")[0]
-
-
-def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, kinds: str = "fiu") -> np.ndarray:
-    if info.file_size > MAX_ARRAY_BYTES + (1 << 16):
-        raise KeypointError(
-            f"{info.filename} unpacks to {info.file_size} bytes, more than the {MAX_ARRAY_BYTES} allowed",
-            subject=name,
-            code="E_KEYPOINTS_LIMIT",
-        )
-    with archive.open(info) as file:
-        return read_array(file, f"{name}::{info.filename}" if "::" not in name else name, kinds=kinds)
-
-
-@contextmanager
-def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
-    with open_keypoints(path, _MAX_FILE_BYTES) as file:
-        try:
-            with zipfile.ZipFile(file) as archive:
-                yield archive
-        except (
-            zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, NotImplementedError, RuntimeError,
-            OSError, ValueError, OverflowError, IndexError, struct.error,
-        ) as error:  # fmt: skip
-            # zipfile raises RuntimeError for an encrypted member.
-            raise KeypointError(
-                f"is a broken archive: {error}",
-                subject=printable(path),
-                remedy=COPY_AGAIN,
-                code="E_KEYPOINTS_BROKEN",
-            ) from error
+def _describes(shape: tuple[int, ...], main: tuple[int, ...]) -> bool:
+    """Whether an array of ``shape`` may belong to the sequence ``main``, being no body itself."""
+    if len(shape) < 2 or shape == main[:-1] or shape == (*main[:-1], 1):
+        return True
+    joints = shape[-2] if len(shape) >= 3 else 0
+    hands_or_face = joints in _HAND_AND_FACE or (len(shape) == 2 and shape[1] // 3 in _HAND_AND_FACE)
+    return shape[0] in main[:2] and (hands_or_face or shape[-1] in (4, 5))

@@ -1,10 +1,12 @@
-"""Keypoints in CSV: bare rows of coordinates, or a table with named columns."""
+"""Keypoints in CSV: bare rows of coordinates, tables with named columns, or with a row for each joint."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
+from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import IO
 
@@ -13,41 +15,37 @@ import numpy as np
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
 from gesture_core.plugin.reading import ReadOptions
-from gesture_core.skeletons import SKELETONS, Skeleton, skeleton_of
 from gesture_core.types import PoseSequence
-from gesture_pose_files.files import (
-    MAX_CSV_BYTES,
-    MAX_FRAMES,
-    check_people,
-    head_of,
-    open_keypoints,
-)
+from gesture_pose_files.columns import Columns, body_of_rows, columns_of, missing_note, unused_note
+from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, check_people, head_of, open_keypoints
 from gesture_pose_files.layout import check_seconds, flat_widths, sequence
+from gesture_pose_files.ordering import Rows, by_joint, by_person, frame_numbers, in_order
+from gesture_pose_files.people import tracks
+from gesture_pose_files.table import number_in, numbers_of, rows_of, split_header
 
-_HEAD_BYTES = 1 << 14
-_MAX_LINE = 1 << 16
+_HEAD_BYTES = 1 << 16
 _SUFFIXES = (".csv", ".tsv")
-_PARTS = ("_x", "_y", "_score")
-_MIN_JOINTS = 2
+_MAX_JOINT_ROWS = 8 * MAX_FRAMES
 _SHOWN = 100
+_DEEPLABCUT = (b"scorer,", b"bodyparts,")
 
 
 @dataclass(frozen=True)
 class CsvReader:
-    """Reads keypoint tables.
+    """Reads keypoint tables, separated by commas, semicolons or tabs.
 
-    - Without a header: one row a frame, 2, 3 or 4 values for each of 15, 17, 18, 25 or 33 joints; 36
-      columns are x, y in OpenPose's COCO order. Rows of zeros are frames in which nobody was found.
-    - With a header: ``time`` (seconds) or ``frame``, perhaps ``person``, then ``<joint>_x``,
-      ``<joint>_y`` and perhaps ``<joint>_score`` with the joint names of `gesture_core.skeletons`; empty
-      cells are missing joints.
+    - Without names: one row a frame, 2, 3 or 4 values for each joint; 36 columns are x, y in OpenPose's
+      COCO order. Rows of zeros are frames in which nobody was found.
+    - With names: two columns or more for each joint, such as ``nose_x``, ``nose_y``, ``nose_score``; or a
+      column that names the joint of each row, with ``x`` and ``y``. Perhaps columns for the time in
+      seconds or the frame, and for the person. What else there is, is named in a note.
 
     Attributes
     ----------
     options : ReadOptions
-        What tables leave open; a header names the joints, and which column is x.
+        What tables leave open; a header says which column is x, and perhaps the joints.
     people : "single" or "multi"
-        Of a table with the column ``person``: the person whose scores sum to the most, or everybody.
+        The person whose scores sum to the most, or everybody.
     """
 
     options: ReadOptions = field(default_factory=ReadOptions)
@@ -57,14 +55,21 @@ class CsvReader:
         check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
-        """Whether the first line of a ``.csv`` or ``.tsv`` is a row of keypoints or names them."""
+        """Whether a ``.csv`` or ``.tsv`` begins with a row of keypoints, or with names of joints."""
         if path.suffix.lower() not in _SUFFIXES:
             return False
-        lines = head_of(path, _HEAD_BYTES).decode("utf-8-sig", "replace").splitlines()
-        if not lines:
+        head = head_of(path, _HEAD_BYTES)
+        if head.removeprefix(b"\xef\xbb\xbf").lower().startswith(_DEEPLABCUT):
+            return False  # it has a reader of its own
+        if len(head) == _HEAD_BYTES:
+            head = head[: head.rfind(b"\n") + 1] or head
+        try:
+            names, rows, columns = self._opened(BytesIO(head), printable(path))
+            return columns is not None if names else self._flat(next(rows, [])) is not None
+        except KeypointError as error:
+            if error.code == "E_KEYPOINTS_SKELETON":
+                raise
             return False
-        cells = _cells(lines[0], _delimiter(lines[0]))
-        return _is_bare(cells, self.options) or _columns(cells) is not None
 
     def refusal(self, path: Path) -> str:
         """The header, which names no joints."""
@@ -72,8 +77,7 @@ class CsvReader:
         header = next((line for line in lines if line.strip()), "")
         if not header:
             return "it is empty"
-        shown = printable(header[:_SHOWN]) + ("…" if len(header) > _SHOWN else "")
-        return f"its header {shown!r} names no joints, and is no row of keypoints"
+        return f"its header {_quoted(header)} names no joints, and is no row of keypoints"
 
     def members(self, path: Path) -> list[str]:
         """``[""]``: a table is one sequence."""
@@ -85,82 +89,147 @@ class CsvReader:
         Raises
         ------
         KeypointError
-            `E_KEYPOINTS_FORMAT` for a CSV file that is no keypoint table, `E_KEYPOINTS_VALUE`,
-            `E_KEYPOINTS_TIMES`, `E_KEYPOINTS_LIMIT`, and those of `files.open_keypoints`.
+            `E_KEYPOINTS_FORMAT` for a CSV file that is no keypoint table, `E_KEYPOINTS_SKELETON`,
+            `E_KEYPOINTS_VALUE`, `E_KEYPOINTS_TIMES`, `E_KEYPOINTS_LIMIT`, and those of
+            `files.open_keypoints`.
         """
         source = printable(path)
         if member:
             raise KeypointError(f"has no member {member!r}", subject=source, code="E_KEYPOINTS_MEMBER")
         with open_keypoints(path, MAX_CSV_BYTES) as file:
-            rows = _rows(file, source)
+            names, rows, columns = self._opened(file, source)
             first = next(rows, None)
-            if first is None:
+            if names is None and first is None:
                 raise KeypointError("holds no row", subject=source, code="E_KEYPOINTS_EMPTY")
-            if _is_bare(first, self.options):
-                table = _numbers([first], rows, len(first), source)
-                return [sequence(table, self.options, source=source, reader="csv")]
-            columns = _columns(first)
+            if names is None:
+                return self._bare([] if first is None else first, rows, source)
             if columns is None:
-                raise KeypointError(
-                    "is no keypoint table: its first line is neither a row of keypoints nor names joints",
-                    subject=source,
-                    remedy="columns time, nose_x, nose_y, … or rows of x, y in COCO order",
-                    code="E_KEYPOINTS_FORMAT",
-                )
-            table = _numbers([], rows, len(first), source)
-        return self._named(table, columns, source)
+                raise _no_table(names, source)
+            if first is None:
+                raise KeypointError("holds a header and no row", subject=source, code="E_KEYPOINTS_EMPTY")
+            return self._named(names, columns, chain([first], rows), source)
 
-    def _named(self, table: np.ndarray, columns: _Columns, source: str) -> list[PoseSequence]:
-        if len(table) == 0:
-            raise KeypointError("holds a header and no row", subject=source, code="E_KEYPOINTS_EMPTY")
+    def _opened(
+        self, file: IO[bytes], source: str
+    ) -> tuple[list[str] | None, Iterator[list[str]], Columns | None]:
+        """The names of the columns, the rows below, and what the names are."""
+        find = partial(columns_of, options=self.options, source=source)
+        names, rows = split_header(rows_of(file, source), find)
+        return names, rows, find(names) if names else None
+
+    def _flat(self, cells: Sequence[str]) -> int | None:
+        """How many columns stand before the keypoints of a row without names; None for another row."""
+        if any(number_in(cell) is None for cell in cells):
+            return None
+        widths = flat_widths(self.options)
+        if len(cells) in widths:
+            return 0
+        return 1 if len(cells) - 1 in widths and cells[0].strip() in ("0", "1") else None
+
+    def _bare(self, first: list[str], rows: Iterator[list[str]], source: str) -> list[PoseSequence]:
+        start, width = self._flat(first), len(first)
+        if start is None:
+            raise _no_table(first, source)
+        table, _ = numbers_of(chain([first], rows), width, range(width), (), MAX_FRAMES, source)
+        if start and (np.diff(table[:, 0]) != 1).any():
+            raise _no_table(first, source)
+        return [sequence(table[:, start:], self.options, source=source, reader="csv")]
+
+    def _named(
+        self, names: list[str], columns: Columns, rows: Iterator[list[str]], source: str
+    ) -> list[PoseSequence]:
+        places = [*columns.x, *columns.y, *columns.score, columns.time]
+        wanted = sorted({place for place in places if place is not None})
+        most = MAX_FRAMES if columns.joint is None else _MAX_JOINT_ROWS
+        table, texts = numbers_of(rows, len(names), wanted, names, most, source)
         if np.isinf(table).any():
             raise KeypointError("holds an infinite value", subject=source, code="E_KEYPOINTS_VALUE")
-        if columns.time is not None:
-            check_seconds(table[:, columns.time], source)
-        if columns.person is None:
-            groups = [table]
-        else:
-            numbers = table[:, columns.person]
-            groups = [table[numbers == number] for number in np.unique(numbers[~np.isnan(numbers)])]
-            if not groups:
-                raise KeypointError("names no person", subject=source, code="E_KEYPOINTS_VALUE")
-        found = [columns.sequence(group, self.options, source, index) for index, group in enumerate(groups)]
-        if self.people == "multi":
-            return found
-        return [replace(max(found, key=lambda one: float(one.scores.sum())), person=0)]
+        rest = [column for column in range(len(names)) if column not in wanted]
 
+        def text_of(column: int | None) -> list[str] | None:
+            return None if column is None else [cells[rest.index(column)].strip() for cells in texts]
 
-@dataclass(frozen=True)
-class _Columns:
-    """Where a header puts what."""
-
-    skeleton: Skeleton
-    x: tuple[int | None, ...]
-    y: tuple[int | None, ...]
-    score: tuple[int | None, ...]
-    time: int | None
-    frame: int | None
-    person: int | None
-
-    def sequence(self, table: np.ndarray, options: ReadOptions, source: str, person: int) -> PoseSequence:
-        points = np.stack([_take(table, self.x), _take(table, self.y)], axis=2)
-        scores = None
-        if any(column is not None for column in self.score):
-            scores = _take(table, self.score)
-            # A joint that has coordinates and no score is taken to be certain.
-            scores = np.where(np.isnan(scores) & ~np.isnan(points).any(axis=2), 1.0, scores)
-        return sequence(
-            points,
-            options,
-            source=source,
-            reader="csv",
-            scores=scores,
-            times=table[:, self.time] if self.time is not None else None,
-            numbers=table[:, self.frame] if self.frame is not None else None,
-            body=self.skeleton,
-            axes="xy",
-            person=person,
+        times = None if columns.time is None else table[:, columns.time] * columns.tick
+        if times is not None:
+            check_seconds(times, source)
+        frames = text_of(columns.frame)
+        every = Rows(
+            np.stack([_take(table, c) for c in (columns.x, columns.y, columns.score)], axis=2),
+            any(column is not None for column in columns.score),
+            times,
+            None if frames is None else frame_numbers(frames, source),
+            np.arange(len(table)),
         )
+        groups, notes = by_person(every, text_of(columns.person), source)
+        body, named = columns.body, columns.named
+        if body is None:
+            labels = text_of(columns.joint) or []
+            body, where = body_of_rows(list(dict.fromkeys(labels)), self.options, source)
+            named = not labels[0].isdigit()
+            groups = [by_joint(one, labels, where, len(body.joints), source) for one in groups]
+        notes = [*unused_note(columns.unused), *missing_note(body if named else None), *notes]
+        found = [person for one in groups for person in self._people(one, len(body.joints), source)]
+        if self.people == "single" and len(found) > 1:
+            best = max(found, key=lambda person: person.weight)
+            found = [best]
+            name = f", {best.rows.name}" if best.rows.name else ""
+            notes.append(f"1 of {len(groups)} people taken{name}: the scores sum to the most")
+        return [
+            sequence(
+                one.points,
+                self.options,
+                source=source,
+                reader="csv",
+                scores=one.scores,
+                times=one.rows.times,
+                numbers=one.rows.numbers,
+                body=body if named else None,
+                axes="xy",
+                person=number,
+                notes=[*notes, *one.notes],
+            )
+            for number, one in enumerate(found)
+        ]
+
+    def _people(self, rows: Rows, joints: int, source: str) -> list[_Person]:
+        """One person, or several whom only their place tells apart."""
+        rows, notes = in_order(rows, source)
+        if not rows.several:
+            return [_Person(rows.points, rows.scores, rows, notes)]
+        frames, first = rows.frames()
+        found = tracks(frames, joints, self.people)
+        most = max(len(frame) for frame in frames)
+        notes.append(f"up to {most} people in a frame told apart by their place, as no column does")
+        return [_Person(points, scores, first, notes) for points, scores in found]
+
+
+@dataclass(frozen=True, eq=False)
+class _Person:
+    points: np.ndarray
+    scores: np.ndarray | None
+    rows: Rows
+    notes: list[str]
+
+    @property
+    def weight(self) -> float:
+        """The sum of the scores, or the number of joints that are there."""
+        if self.scores is None:
+            return float(np.isfinite(self.points).all(axis=2).sum())
+        return float(np.nansum(self.scores))
+
+
+def _no_table(cells: Sequence[str], source: str) -> KeypointError:
+    return KeypointError(
+        f"is no keypoint table: its header {_quoted(','.join(cells))} names no joints, "
+        "and is no row of keypoints",
+        subject=source,
+        remedy="columns time, nose_x, nose_y, …; rows of x, y in COCO order; or keypoints.order",
+        code="E_KEYPOINTS_FORMAT",
+    )
+
+
+def _quoted(line: str) -> str:
+    return repr(printable(line[:_SHOWN]) + ("…" if len(line) > _SHOWN else ""))
 
 
 def _take(table: np.ndarray, columns: Sequence[int | None]) -> np.ndarray:
@@ -169,92 +238,3 @@ def _take(table: np.ndarray, columns: Sequence[int | None]) -> np.ndarray:
         if column is not None:
             out[:, index] = table[:, column]
     return out
-
-
-def _columns(cells: Sequence[str]) -> _Columns | None:
-    """The columns that a header names; None where it names no skeleton's joints."""
-    names = [cell.strip().lower() for cell in cells]
-    if len(set(names)) != len(names):
-        return None
-    where = {name: index for index, name in enumerate(names)}
-    joints = [name[:-2] for name in names if name.endswith("_x") and name[:-2] + "_y" in where]
-    if len(joints) < _MIN_JOINTS:
-        return None
-    if not set(joints) <= {joint for kind in SKELETONS.values() for joint in kind.joints}:
-        return None
-    body = skeleton_of(joints)
-    x, y, score = (tuple(where.get(joint + part) for joint in body.joints) for part in _PARTS)
-    return _Columns(body, x, y, score, where.get("time"), where.get("frame"), where.get("person"))
-
-
-def _is_bare(cells: Sequence[str], options: ReadOptions) -> bool:
-    return len(cells) in flat_widths(options) and all(_is_number(cell) for cell in cells)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _delimiter(line: str) -> str:
-    return max(",;\t", key=line.count)
-
-
-def _cells(line: str, mark: str) -> list[str]:
-    try:
-        return next(csv.reader([line], delimiter=mark), [])
-    except csv.Error:
-        return []
-
-
-def _rows(file: IO[bytes], source: str) -> Iterator[list[str]]:
-    """The cells of each line that is not blank; memory holds one line at a time."""
-    mark = ""
-    for number in range(1, MAX_FRAMES * 64):
-        line = file.readline(_MAX_LINE + 1)
-        if not line:
-            return
-        if len(line) > _MAX_LINE:
-            raise KeypointError(
-                f"line {number} is longer than {_MAX_LINE} bytes", subject=source, code="E_KEYPOINTS_LIMIT"
-            )
-        try:
-            text = line.decode("utf-8-sig" if number == 1 else "utf-8").strip("\r\n")
-        except UnicodeDecodeError:
-            raise KeypointError(
-                f"line {number} is no UTF-8 text", subject=source, code="E_KEYPOINTS_FORMAT"
-            ) from None
-        if text.strip():
-            mark = mark or _delimiter(text)
-            yield _cells(text, mark)
-
-
-def _numbers(rows: list[list[str]], more: Iterator[list[str]], width: int, source: str) -> np.ndarray:
-    """(T, width) float64 of all rows; empty cells are NaN."""
-    table: list[np.ndarray] = []
-    for chunk in (rows, more):
-        for cells in chunk:
-            if len(table) >= MAX_FRAMES:
-                raise KeypointError(
-                    f"holds more than {MAX_FRAMES} rows",
-                    subject=source,
-                    remedy="split it",
-                    code="E_KEYPOINTS_LIMIT",
-                )
-            if len(cells) != width:
-                raise KeypointError(
-                    f"row {len(table) + 1} has {len(cells)} cells, the first line has {width}",
-                    subject=source,
-                    code="E_KEYPOINTS_FORMAT",
-                )
-            try:
-                values = [float(cell) if cell.strip() else np.nan for cell in cells]
-            except ValueError as error:
-                raise KeypointError(
-                    f"row {len(table) + 1}: {error}", subject=source, code="E_KEYPOINTS_FORMAT"
-                ) from None
-            table.append(np.array(values))
-    return np.stack(table) if table else np.zeros((0, width))

@@ -25,6 +25,13 @@ def register_keypoint_readers(register: Register) -> None:
         suffixes=(".npy", ".npz", ".pkl", ".pickle", ".joblib"),
     )
     register(
+        "array-frames",
+        "gesture_pose_files.array_frames:ArrayFramesReader",
+        summary="a folder with one numbered .npy a frame",
+        suffixes=(".npy",),
+        folders=True,
+    )
+    register(
         "csv",
         "gesture_pose_files.csv_table:CsvReader",
         summary="keypoints in CSV, with or without a header",

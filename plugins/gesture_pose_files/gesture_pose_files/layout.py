@@ -21,6 +21,7 @@ from gesture_core.skeletons import (
     to_coco18,
 )
 from gesture_core.types import PoseSequence
+from gesture_pose_files.scores import in_unit
 
 BY_COUNT: Mapping[int, Skeleton] = {
     len(kind.joints): kind for kind in (MPI15, COCO17, COCO18, BODY25, HALPE26, BLAZEPOSE33)
@@ -66,6 +67,7 @@ def sequence(
     axes: Axes | None = None,
     unit: Unit | None = None,
     frame_size: tuple[int, int] | None = None,
+    own: bool = False,
     person: int = 0,
     notes: Sequence[str] = (),
 ) -> PoseSequence:
@@ -90,6 +92,8 @@ def sequence(
         What the file itself says of its joints, the order of coordinates, and the picture.
     unit : "pixels" or "shares", optional
         What the reader found, where it has seen more than this one person.
+    own : bool
+        A file that this package wrote, or one in its form: pixels, or shares where they look so.
     person : int
     notes : sequence of str
         What the reader left out or put right.
@@ -110,7 +114,10 @@ def sequence(
     said = axes or options.axes or "xy"
     points = values[..., 1::-1] if said == "yx" else values[..., :2]
     if scores is None:
-        scores = _scores(values, joints, options, source)
+        scores = _scores(values, joints, options)
+    if scores is not None:
+        scores, note = in_unit(scores, np.where((scores > 0)[..., None], points, np.nan), source)
+        notes = [*notes, note] if note else notes
     provenance = {"reader": reader}
     if times is None:
         of_what = "index" if numbers is None else "frame numbers"
@@ -120,7 +127,8 @@ def sequence(
     points = np.where(missing[..., None], np.float32(np.nan), points)
     if said == "x-y":
         points = points * np.array([1, -1], np.float32)
-    unit = options.unit or unit or ("shares" if are_shares(points) else "pixels")
+    judged: Unit = "shares" if are_shares(points) else "pixels"
+    unit = unit or (judged if own else options.unit or judged)
     size = frame_size or options.picture if unit == "shares" else None
     if size:
         points = points * np.array(size, np.float32)
@@ -130,7 +138,7 @@ def sequence(
     provenance["assumed"] = options.assumed(
         order="" if body else joints.name,
         axes="" if axes else said,
-        unit=unit,
+        unit="" if own and unit == "pixels" else unit,
         frame_size=None if frame_size else size,
         fps=options.rate if "times" in provenance else math.nan,
     )
@@ -190,21 +198,14 @@ def _three_axes(array: np.ndarray, options: ReadOptions, body: Skeleton | None, 
     return array if array.ndim == 3 else array.reshape(len(array), *flat_widths(options)[array.shape[1]])
 
 
-def _scores(values: np.ndarray, body: Skeleton, options: ReadOptions, source: str) -> np.ndarray | None:
+def _scores(values: np.ndarray, body: Skeleton, options: ReadOptions) -> np.ndarray | None:
+    """The last value of each joint, where it is one of three or four and no depth."""
     if values.shape[2] == 2 or (values.shape[2] == 3 and options.unit == "metres"):
         return None
     last = values[..., -1]
     low, high = (float(np.nanmin(last)), float(np.nanmax(last))) if not np.isnan(last).all() else (0.0, 0.0)
-    plausible = low >= -0.01 and high <= 1.5
     if body is BLAZEPOSE33 and values.shape[2] == 3 and not (low >= 0 and 0 < high <= 1):
         return None  # x, y, z without visibility
-    if not plausible:
-        raise KeypointError(
-            f"the last value of each joint runs from {low:g} to {high:g}, which is no score",
-            subject=source,
-            remedy="x, y and a score in 0..1; keypoints.unit=metres where it is a depth",
-            code="E_KEYPOINTS_VALUE",
-        )
     return last
 
 

@@ -16,6 +16,7 @@ from gesture_pose_files.files import COPY_AGAIN, MAX_ARRAY_BYTES
 
 _MAGIC_BYTES = 128
 MAX_HEADER = 10_000
+MAX_FILE_BYTES = 2 << 30
 _KINDS = "fiu"
 
 

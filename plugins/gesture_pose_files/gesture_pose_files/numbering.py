@@ -1,8 +1,16 @@
-"""Frame numbers in names: ``wave_000000000012_keypoints.json``, ``image_00001.jpg``, ``frame1``, ``0001``."""
+"""Frame numbers in names, as ``wave_000000000012_keypoints.json`` and ``frame1.jpg``; clips by them."""
 
 from __future__ import annotations
 
+import os
 import re
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+from gesture_core.errors import KeypointError
+from gesture_core.files import printable
+from gesture_pose_files.files import MAX_FRAMES
 
 # At most 18 digits: time stamps in nanoseconds fit, and so does the number into 64 bits.
 _NUMBERED = re.compile(r"(.*?)(\d{1,18})(?:[_\-. ]?(?:keypoints|pose|poses|skeleton))?", re.DOTALL)
@@ -25,3 +33,74 @@ def number_in(name: str) -> tuple[str, int] | None:
         name = stem
     match = _NUMBERED.fullmatch(name)
     return (match[1].rstrip("_-. /\\"), int(match[2])) if match else None
+
+
+def some_files(folder: Path, suffix: str, count: int) -> list[Path]:
+    """The first ``count`` numbered files in a folder, in no order; none where it cannot be listed."""
+    try:
+        return [path for _, _, path in islice(_files(folder, suffix), count)]
+    except OSError:
+        return []
+
+
+def clips_in(folder: Path, suffix: str) -> dict[str, list[tuple[int, Path]]]:
+    """Name of each clip -> its numbered files, both in order.
+
+    Raises
+    ------
+    KeypointError
+        `E_KEYPOINTS_LIMIT`, `E_KEYPOINTS_UNREADABLE`.
+    """
+    found: dict[str, list[tuple[int, Path]]] = {}
+    try:
+        for count, (name, number, path) in enumerate(_files(folder, suffix)):
+            if count >= MAX_FRAMES:
+                raise KeypointError(
+                    f"holds more than {MAX_FRAMES} frames",
+                    subject=printable(folder),
+                    remedy="split it",
+                    code="E_KEYPOINTS_LIMIT",
+                )
+            found.setdefault(name, []).append((number, path))
+    except OSError as error:
+        raise KeypointError(
+            f"cannot be listed: {error.strerror}", subject=printable(folder), code="E_KEYPOINTS_UNREADABLE"
+        ) from error
+    return {name: sorted(found[name]) for name in sorted(found)}
+
+
+def clip_in(folder: Path, member: str, suffix: str, expected: str) -> list[tuple[int, Path]]:
+    """The numbered files of the clip ``member``, or of the only one; ``expected`` says what they are called.
+
+    Raises
+    ------
+    KeypointError
+        `E_KEYPOINTS_EMPTY`, `E_KEYPOINTS_MEMBER`, and those of `clips_in`.
+    """
+    found = clips_in(folder, suffix)
+    if not found:
+        raise KeypointError(
+            f"holds no numbered {suffix} file",
+            subject=printable(folder),
+            remedy=expected,
+            code="E_KEYPOINTS_EMPTY",
+        )
+    if not member and len(found) == 1:
+        return next(iter(found.values()))
+    if member not in found:
+        names = ", ".join(list(found)[:5]) + (", …" if len(found) > 5 else "")
+        raise KeypointError(
+            f"holds {len(found)} sequences, and {member!r} is none of them",
+            subject=printable(folder),
+            remedy=f"one of {names}",
+            code="E_KEYPOINTS_MEMBER",
+        )
+    return found[member]
+
+
+def _files(folder: Path, suffix: str) -> Iterator[tuple[str, int, Path]]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            numbered = number_in(entry.name) if entry.name.lower().endswith(suffix) else None
+            if numbered and not entry.is_dir(follow_symlinks=False):
+                yield *numbered, Path(entry.path)

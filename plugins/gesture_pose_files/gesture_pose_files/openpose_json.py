@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
 
 from gesture_core.errors import KeypointError
@@ -14,13 +11,12 @@ from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.clip import Clip
 from gesture_pose_files.files import (
-    MAX_FRAMES,
     MAX_JSON_BYTES,
     check_people,
 )
 from gesture_pose_files.json_people import Found, people_in
 from gesture_pose_files.json_text import kind_of, load
-from gesture_pose_files.numbering import number_in
+from gesture_pose_files.numbering import clip_in, clips_in, some_files
 
 _LOOKED_AT = 3
 # Of OpenPose's own networks; of 17, 26 and 133 joints in its frame, the order is what other tools use.
@@ -53,12 +49,7 @@ class OpenPoseJsonReader:
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is a folder that holds a numbered JSON file that looks like a frame."""
-        try:
-            with os.scandir(path) as entries:
-                frames = list(islice((entry.path for entry in entries if _number(entry)), _LOOKED_AT))
-        except OSError:
-            return False
-        return any(map(_looks_like_frame, frames))
+        return any(map(_looks_like_frame, some_files(path, ".json", _LOOKED_AT)))
 
     def refusal(self, path: Path) -> str:
         """That a file is one frame, where it is; empty otherwise."""
@@ -68,7 +59,7 @@ class OpenPoseJsonReader:
 
     def members(self, path: Path) -> list[str]:
         """Names of the sequences in the folder; ``[""]`` where there is only one."""
-        names = list(_sequences(path))
+        names = list(clips_in(path, ".json"))
         return names if len(names) > 1 else [""]
 
     def read(self, path: Path, member: str = "") -> list[PoseSequence]:
@@ -88,22 +79,18 @@ class OpenPoseJsonReader:
             read, those of the first.
         """
         clip = Clip(printable(path) + (f"::{member}" if member else ""), "openpose-json", said=_SAID)
-        for number, file in _choose(path, member):
+        for number, file in clip_in(path, member, ".json", _EXPECTED):
             clip.add(number, _frame(file, self.options))
         return clip.sequences(self.options, self.people)
 
 
-def _number(entry: os.DirEntry[str]) -> tuple[str, int] | None:
-    return number_in(entry.name) if entry.name.lower().endswith(".json") else None
-
-
-def _looks_like_frame(path: str) -> bool:
+def _looks_like_frame(path: Path) -> bool:
     """By its first bytes; a file that is cut short, or cannot be read, by its name."""
     try:
-        kind = kind_of(Path(path))
+        kind = kind_of(path)
     except KeypointError:
         return True
-    return kind == "frame" or (kind == "other" and path.lower().endswith("_keypoints.json"))
+    return kind == "frame" or (kind == "other" and path.name.lower().endswith("_keypoints.json"))
 
 
 def _frame(file: Path, options: ReadOptions) -> Found | KeypointError:
@@ -111,53 +98,3 @@ def _frame(file: Path, options: ReadOptions) -> Found | KeypointError:
         return people_in(load(file, MAX_JSON_BYTES), printable(file), options)
     except KeypointError as error:  # a new one: the traceback of this would keep what was read
         return KeypointError(error.cause, subject=error.subject, remedy=error.remedy, code=error.code)
-
-
-def _choose(folder: Path, member: str) -> list[tuple[int, Path]]:
-    found = _sequences(folder)
-    if not found:
-        raise KeypointError(
-            "holds no numbered JSON file",
-            subject=printable(folder),
-            remedy=_EXPECTED,
-            code="E_KEYPOINTS_EMPTY",
-        )
-    if not member and len(found) == 1:
-        return next(iter(found.values()))
-    if member not in found:
-        names = ", ".join(list(found)[:5]) + (", …" if len(found) > 5 else "")
-        raise KeypointError(
-            f"holds {len(found)} sequences, and {member!r} is none of them",
-            subject=printable(folder),
-            remedy=f"one of {names}",
-            code="E_KEYPOINTS_MEMBER",
-        )
-    return found[member]
-
-
-def _sequences(folder: Path) -> dict[str, list[tuple[int, Path]]]:
-    """Name -> numbered files, both in order."""
-    found: dict[str, list[tuple[int, Path]]] = {}
-    try:
-        for count, (name, number, path) in enumerate(_files(folder)):
-            if count >= MAX_FRAMES:
-                raise KeypointError(
-                    f"holds more than {MAX_FRAMES} frames",
-                    subject=printable(folder),
-                    remedy="split it",
-                    code="E_KEYPOINTS_LIMIT",
-                )
-            found.setdefault(name, []).append((number, path))
-    except OSError as error:
-        raise KeypointError(
-            f"cannot be listed: {error.strerror}", subject=printable(folder), code="E_KEYPOINTS_UNREADABLE"
-        ) from error
-    return {name: sorted(found[name]) for name in sorted(found)}
-
-
-def _files(folder: Path) -> Iterator[tuple[str, int, Path]]:
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            numbered = _number(entry)
-            if numbered and not entry.is_dir(follow_symlinks=False):
-                yield *numbered, Path(entry.path)

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
+from gesture_core.joint_names import joint_named
 from gesture_core.plugin.reading import ReadOptions
+from gesture_core.skeletons import skeleton_of
 from gesture_core.types import PoseSequence
 from gesture_pose_files.clip import Clip
 from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES, check_people
 from gesture_pose_files.json_people import Found, is_frame, people_in
 from gesture_pose_files.json_text import described, kind_of, load
 from gesture_pose_files.numbering import number_in
+from gesture_pose_files.whole_body import BODY_OF
 
 KNOWN = (
     "list of 'image_id' and 'keypoints' (AlphaPose, COCO) or of 'frame_id' and 'instances' (MMPose), "
@@ -59,7 +62,7 @@ class ResultListReader:
 
     def members(self, path: Path) -> list[str]:
         """Names of the clips in the list; ``[""]`` where there is only one."""
-        names = list(_clips(path))
+        names = list(_clips(load(path, MAX_LIST_BYTES), printable(path)))
         return names if len(names) > 1 else [""]
 
     def read(self, path: Path, member: str = "") -> list[PoseSequence]:
@@ -71,7 +74,8 @@ class ResultListReader:
             `E_KEYPOINTS_FORMAT`, `E_KEYPOINTS_JSON`, `E_KEYPOINTS_MEMBER`, `E_KEYPOINTS_LIMIT`, and those
             of `clip.Clip`.
         """
-        found = _clips(path)
+        tree = load(path, MAX_LIST_BYTES)
+        found = _clips(tree, printable(path))
         if not found and not member:
             return []
         if not member and len(found) == 1:
@@ -87,13 +91,14 @@ class ResultListReader:
                 code="E_KEYPOINTS_MEMBER",
             )
         source = printable(path) + (f"::{member}" if member else "")
+        options = _with_order(tree, self.options)
         clip = Clip(source, "result-list")
         for image in sorted(images.values(), key=lambda image: image.number):
-            clip.add(image.number, image.found(source, self.options))
+            clip.add(image.number, image.found(source, options))
         clip.fill()
         sizes = {image.size for image in images.values()}
         size = next(iter(sizes)) if len(sizes) == 1 else None
-        return clip.sequences(self.options, self.people, size)
+        return clip.sequences(options, self.people, size)
 
 
 @dataclass
@@ -112,10 +117,8 @@ class _Image:
             return error
 
 
-def _clips(path: Path) -> dict[str, dict[str, _Image]]:
+def _clips(tree: object, source: str) -> dict[str, dict[str, _Image]]:
     """Name of the clip -> name of the image -> the image; in the order of the file."""
-    source = printable(path)
-    tree = load(path, MAX_LIST_BYTES)
     clips: dict[str, dict[str, _Image]] = {}
     for count, (name, size, people) in enumerate(_images(tree, source)):
         numbered = ("", name) if isinstance(name, int) else number_in(name)
@@ -133,6 +136,32 @@ def _clips(path: Path) -> dict[str, dict[str, _Image]]:
         clip = clips.setdefault(numbered[0], {})
         clip.setdefault(str(name), _Image(str(name), numbered[1], size)).people.extend(people)
     return clips
+
+
+def _with_order(tree: object, options: ReadOptions) -> ReadOptions:
+    """The options with the joints that MMPose or COCO's categories name, unless they name them otherwise.
+
+    Orders that are known by their number are left to it; so are names that tell no neck or shoulders.
+    """
+    names: object = None
+    if isinstance(tree, Mapping) and isinstance(tree.get("meta_info"), Mapping):
+        names = tree["meta_info"].get("keypoint_id2name")
+        if isinstance(names, Mapping):
+            numbered = {str(number): name for number, name in names.items()}
+            names = [numbered.get(str(index)) for index in range(len(numbered))]
+    elif isinstance(tree, Mapping) and isinstance(tree.get("categories"), list) and tree["categories"]:
+        first = tree["categories"][0]
+        names = first.get("keypoints") if isinstance(first, Mapping) else None
+    if options.order or not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        return options
+    order, known = [], set()
+    for number, name in enumerate(names):
+        joint = joint_named(name)
+        order.append(joint if joint and joint not in known else f"unknown {number}")
+        known.add(joint)
+    if len(names) in BODY_OF or not skeleton_of(tuple(order)).has_neck:
+        return options
+    return replace(options, order=tuple(order))
 
 
 _Entry = tuple[int | str, tuple[int, int] | None, list[Any]]

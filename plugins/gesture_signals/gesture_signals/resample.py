@@ -22,10 +22,14 @@ class Resample:
         Frames per second of the result.
     max_frames : int
         A longer sequence keeps its own frames; time stamps are not trusted to allocate memory.
+    anchored : bool
+        Sample at whole multiples of ``1 / rate``, wherever the sequence begins, so that two parts of
+        one recording are sampled at the same times.
     """
 
     rate: float = 20.0
     max_frames: int = 200_000
+    anchored: bool = False
 
     def __post_init__(self) -> None:
         if not 0 < self.rate <= 1000:
@@ -39,6 +43,15 @@ class Resample:
         frames = round((last - first) * self.rate) + 1
         if len(signals) < 2 or last <= first or frames > self.max_frames:
             return signals
-        times = np.linspace(first, last, max(frames, 2))
+        if self.anchored:
+            times = np.arange(np.ceil(first * self.rate), np.floor(last * self.rate) + 1) / self.rate
+            if len(times) == 0:
+                return signals
+        else:
+            times = np.linspace(first, last, max(frames, 2))
         values = np.stack([np.interp(times, signals.times, column) for column in signals.values.T], axis=1)
         return replace(signals, values=values, times=times)
+
+    def on_stream(self, mean: float) -> Resample:
+        """The same at times that do not depend on where a part begins; it subtracts no mean."""
+        return replace(self, anchored=True)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gesture_core.signals.body import joint, mid_hip, relative_to_neck, trusted
 from gesture_core.types import PoseSequence
+
+RUNNING = 1.0
+"""Seconds of the running scale in long recordings, unless another one is set."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,10 @@ class TorsoNormalizer:
         scale = median_over_time(length, pose.times, self.window)[:, None, None]
         points: np.ndarray = relative_to_neck(pose) / scale
         return points
+
+    def on_stream(self, mean: float) -> TorsoNormalizer:
+        """The same with a running scale; it subtracts no mean."""
+        return replace(self, window=self.window or RUNNING)
 
 
 def median_over_time(values: np.ndarray, times: np.ndarray, window: float) -> np.ndarray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +19,7 @@ import numpy as np
 
 from gesture_core.errors import MediaError
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits
-from gesture_core.video import CONTAINERS, Integrity, VideoDecoder
+from gesture_core.video import CONTAINERS, UNTIMED, Integrity, VideoDecoder
 
 if TYPE_CHECKING:
     import cv2
@@ -26,10 +27,12 @@ if TYPE_CHECKING:
 # Reads after a refused one before it counts as the end of the file.
 _RETRIES = 16
 # What marks a picture track in the header of a container, and what marks other tracks.
-_PICTURE_TRACKS = {"mov": (b"vide", (b"soun", b"subt", b"text")), "matroska": (b"V_", (b"A_", b"S_"))}
+_PICTURE_TRACKS = {
+    "mov": (rb"hdlr.{8}vide", rb"hdlr.{8}(soun|subt|text)"),
+    "matroska": (rb"\x86[\x80-\xff]V_", rb"\x86[\x80-\xff][AS]_"),
+    "avi": (rb"strh.{4}vids", rb"strh.{4}auds"),
+}
 _SEARCHED = 4 << 20
-# Streams without a container have no time stamps; OpenCV gives 0 for each frame.
-_UNTIMED = frozenset({"h264", "hevc", "mpegvideo", "mjpeg"})
 _OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 
 
@@ -37,8 +40,9 @@ class OpenCvReader:
     """Decodes with the FFmpeg inside OpenCV. It has no options.
 
     What it cannot do: see mirrored display matrices; keep the aspect of a picture that changes its size
-    half-way (OpenCV stretches it into the first size); notice damage, but for frames that are missing from
-    a plausible count.
+    half-way (OpenCV stretches it into the first size); see pixels that change their shape half-way; choose
+    among several video streams, or see the frame rate in a stream without times (it notes both); notice
+    damage, but for frames that are missing from a plausible count.
     """
 
     def open(self, path: Path, limits: VideoLimits) -> OpenCvDecoder:
@@ -75,33 +79,51 @@ class OpenCvDecoder(VideoDecoder):
             height=height,
             codec=codec if codec.isprintable() else "",
             declared=self._integrity.plausible_count(self._get(cv2.CAP_PROP_FRAME_COUNT), fps),
-            rates=[fps],
+            # Of a stream without times OpenCV knows the demuxer's default only.
+            rates=[] if self.container in UNTIMED else [fps],
             rotation=self._get(cv2.CAP_PROP_ORIENTATION_META),
             pixel_aspect=(across, down) if across > 0 and down > 0 else (1, 1),
         )
 
     def _unopened(self) -> MediaError:
         """The error for a file that OpenCV, which gives no reasons, does not open."""
-        mark, others = _PICTURE_TRACKS.get(self.container, (b"", ()))
-        if mark and hasattr(os, "pread"):
-            descriptor = self.file.fileno()
-            size = os.fstat(descriptor).st_size
-            searched = os.pread(descriptor, _SEARCHED, 0)
-            searched += os.pread(descriptor, _SEARCHED, max(0, size - _SEARCHED))
-            if mark not in searched and any(other in searched for other in others):
-                return self.error("holds no video stream", "E_MEDIA_NO_VIDEO", "leave it out")
+        pictures, others = self._tracks()
+        if others and not pictures:
+            return self.error("holds no video stream", "E_MEDIA_NO_VIDEO", "leave it out")
         return self.error(
             "OpenCV finds no video stream that it can decode",
             "E_MEDIA_BROKEN",
             "pip install 'gesture-core[video]', whose reader names the cause",
         )
 
+    def _tracks(self) -> tuple[int, int]:
+        """Number of picture tracks and of others, as far as a header that is not parsed tells."""
+        marks = _PICTURE_TRACKS.get(self.container)
+        if marks is None:
+            return 0, 0
+        place, size, searched = self.file.tell(), self.file.seek(0, 2), b""
+        for start in dict.fromkeys((0, max(0, size - _SEARCHED))):
+            self.file.seek(max(start, len(searched)))
+            searched += self.file.read(_SEARCHED)
+        self.file.seek(place)
+        pictures, others = (len(re.findall(mark, searched, re.DOTALL)) for mark in marks)
+        return pictures, others
+
     def frames(self) -> Iterator[tuple[float | None, np.ndarray]]:
         import cv2
 
+        several = self._tracks()[0]
+        if several > 1:
+            self.log.note(
+                f"{several} video streams, of which OpenCV reads the first; the reader pyav chooses"
+            )
         yield self._first
         while (item := self._next()) is not None:
             yield item
+        if several > 1 and self._integrity.frames == 1:
+            cause = f"the first of its {several} video streams is a picture, and OpenCV cannot read another"
+            remedy = "pip install 'gesture-core[video]', whose reader chooses"
+            raise self.error(cause, "E_MEDIA_NO_FRAMES", remedy)
         # Where the header has no count, OpenCV makes one of its duration and the average rate.
         count, fps = self._get(cv2.CAP_PROP_FRAME_COUNT), self._get(cv2.CAP_PROP_FPS)
         duration = count / fps if 0 < count < 1e9 and fps > 0 else None
@@ -122,7 +144,7 @@ class OpenCvDecoder(VideoDecoder):
                 self.check_size(frame.shape[1], frame.shape[0])
                 self._integrity.frames += 1
                 stamp = self._get(cv2.CAP_PROP_POS_MSEC) / 1000
-                timed = self.container not in _UNTIMED and abs(stamp) < 1e12
+                timed = self.container not in UNTIMED and abs(stamp) < 1e12
                 if timed:
                     self._integrity.stamps.append(stamp)
                 if frame.ndim == 2:

@@ -7,37 +7,35 @@ the file lacks, and packets from which no frame came.
 
 from __future__ import annotations
 
-import errno
 import importlib.metadata
 import math
-import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import suppress
 from fractions import Fraction
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, cast
+from typing import TYPE_CHECKING, BinaryIO, NoReturn, cast
 
 import numpy as np
 
-from gesture_core.errors import GestureError, MediaError, MissingDependencyError
+from gesture_core.errors import MissingDependencyError
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits
-from gesture_core.video import DamageLog, Integrity, LazyPicture, VideoDecoder
+from gesture_core.video import UNTIMED, Integrity, LazyPicture, VideoDecoder
+from gesture_video.decoder_log import DecoderLog, errors_are_logged
+from gesture_video.streams import Lengths, choose_stream, count_packets, tagged_frames
 
 if TYPE_CHECKING:
+    from av.container import InputContainer
     from av.packet import Packet
     from av.sidedata.sidedata import SideDataContainer
-    from av.video.codeccontext import VideoCodecContext
     from av.video.frame import VideoFrame
     from av.video.stream import VideoStream
 
 _OLDEST = 15
 # A demuxer that fails this often in a row has lost its place for good.
 _MAX_DEMUX_ERRORS = 32
-_MAX_MESSAGE = 200
 
 
 class PyAvReader:
@@ -82,7 +80,7 @@ class PyAvDecoder(VideoDecoder):
     def start(self) -> VideoInfo:
         self._integrity = Integrity(self.file, self.container, self.log)
         self._decoder_log = DecoderLog(self.error, self.log)
-        self.resources.enter_context(_errors_are_logged())
+        self.resources.enter_context(errors_are_logged())
         self._open()
         stream = self._stream
         self._origin = stream.start_time or 0
@@ -93,38 +91,64 @@ class PyAvDecoder(VideoDecoder):
         self._decoded = chain((first,), decoded)
         frame = first[1]
         rotation, mirrored = _orientation(frame)
-        ratio = self._context.sample_aspect_ratio
+        rates = [stream.average_rate, stream.guessed_rate]
+        if self.container in UNTIMED:  # the demuxer makes up a rate, the stream may have one
+            rates = [self._context.framerate]
+        # As players do: the container's figure, else that of the stream, which may change half-way.
+        self._ratio = self._context.sample_aspect_ratio
+        ratio = stream.sample_aspect_ratio or self._ratio
         return self.describe(
             width=frame.width,
             height=frame.height,
             codec=stream.codec_context.codec.canonical_name,
-            declared=stream.frames or _tagged_frames(stream.metadata),
-            rates=[float(rate or 0) for rate in (stream.average_rate, stream.guessed_rate)],
+            declared=stream.frames or tagged_frames(stream),
+            rates=[float(rate or 0) for rate in rates],
             rotation=rotation,
             mirrored=mirrored,
             pixel_aspect=(ratio.numerator, ratio.denominator) if ratio else (1, 1),
         )
 
+    def _opened(self, file: BinaryIO) -> InputContainer:
+        import av
+
+        return av.open(
+            file,
+            "r",
+            format=self.container,
+            metadata_errors="replace",
+            io_open=_refuse,
+            container_options={"max_streams": str(self.limits.max_streams)},
+        )
+
+    def _lengths(self) -> Lengths:
+        """Frames and seconds of the streams, counted; what is damaged is found when they are decoded."""
+        import av
+
+        damage = (av.error.FFmpegError, ValueError, ArithmeticError, OSError)
+        with (
+            av.logging.Capture(),
+            suppress(*damage),
+            self.path.open("rb", buffering=0) as file,
+            self._opened(file) as container,
+        ):
+            return count_packets(container)
+        return {}
+
     def _open(self) -> None:
         """Open container and decoder, with what they may cost, and choose the stream of pictures."""
-        import av
         from av.video.reformatter import VideoReformatter
 
         with self._decoder_log.call(fatal=True):
-            self._container = av.open(
-                self.file,
-                "r",
-                format=self.container,
-                metadata_errors="replace",
-                io_open=_refuse,
-                container_options={"max_streams": str(self.limits.max_streams)},
-            )
+            self._container = self._opened(self.file)
             self.resources.callback(self._container.close)
-            stream = self._container.streams.best("video")
         streams = self._container.streams
         if not len(streams):
             raise self.error("its container holds no stream at all", "E_MEDIA_BROKEN")
-        if stream is None or stream.disposition & av.stream.Disposition.attached_pic:
+        with self._decoder_log.call(fatal=True):
+            stream, note = choose_stream(self._container, self._lengths)
+        if note:
+            self.log.note(note)
+        if stream is None:
             kinds = sorted({stream.type for stream in streams})
             raise self.error(
                 f"holds no video stream ({', '.join(kinds)})", "E_MEDIA_NO_VIDEO", "leave it out"
@@ -134,7 +158,7 @@ class PyAvDecoder(VideoDecoder):
             raise self.error("no decoder for its codec", "E_MEDIA_CODEC", "re-encode it")
         others = {s.codec_context.name for s in streams if s is not stream and s.codec_context is not None}
         self._decoder_log.ignore(others - {context.name})
-        self._stream, self._context = stream, cast("VideoCodecContext", context)
+        self._stream, self._context = stream, context
         self.check_size(self._context.width, self._context.height)
         # One converter for all frames: a new one for each computes its filters anew.
         self._converter = VideoReformatter()
@@ -148,6 +172,7 @@ class PyAvDecoder(VideoDecoder):
     def frames(self) -> Iterator[tuple[float | None, LazyPicture]]:
         fatal = True  # without its first picture there is no video
         for stamp, frame in self._decoded:
+            self._follow_pixels()
             self.check_size(frame.width, frame.height)
             yield stamp, LazyPicture(frame.width, frame.height, partial(self._convert, frame, fatal))
             fatal = False
@@ -172,6 +197,14 @@ class PyAvDecoder(VideoDecoder):
             converted = self._converter.reformat(frame, format="bgr24", interpolation="BICUBIC")
             picture: np.ndarray = converted.to_ndarray()
         return None if call.failed else picture
+
+    def _follow_pixels(self) -> None:
+        """A broadcast changes from 4:3 to 16:9 without another size of its pictures."""
+        ratio = self._context.sample_aspect_ratio
+        if ratio is None or ratio == self._ratio:
+            return
+        self._ratio = ratio
+        self.change_pixels(ratio.numerator, ratio.denominator)
 
     def _decode(self) -> Iterator[tuple[float | None, VideoFrame]]:
         """Decoded frames with their stamps in seconds; what passes is counted."""
@@ -238,122 +271,6 @@ class PyAvDecoder(VideoDecoder):
             failures = 0 if counts.packets > before else failures + 1
 
 
-@dataclass
-class Call:
-    """One call into FFmpeg: whether it failed, and the first sign of damage."""
-
-    failed: bool = False
-    damage: str = ""
-
-
-class DecoderLog:
-    """What FFmpeg raises and logs, call by call: one count of damage for each call that shows any.
-
-    Parameters
-    ----------
-    error : callable
-        Makes a MediaError of a cause, a code and a remedy; `VideoDecoder.error`.
-    log : DamageLog
-        Receives the damage.
-    """
-
-    def __init__(self, error: Callable[..., MediaError], log: DamageLog) -> None:
-        self._error = error
-        self._log = log
-        self._ignored: frozenset[str] = frozenset()
-        self._early: list[tuple[int, str, str]] | None = []
-
-    def ignore(self, names: Iterable[str]) -> None:
-        """Leave out what the named codecs log: those of streams that are not decoded.
-
-        Messages are kept until this is called, since a container must be opened to know its streams.
-        """
-        self._ignored = frozenset(names)
-        early, self._early = self._early or [], None
-        self._count(Call(), early)
-
-    @contextmanager
-    def call(self, fatal: bool = False) -> Iterator[Call]:
-        """Run one call into FFmpeg.
-
-        Raises
-        ------
-        MediaError
-            `E_MEDIA_CODEC`, `E_MEDIA_UNREADABLE`, `E_MEDIA_MEMORY` in any case; with ``fatal``,
-            `E_MEDIA_BROKEN` for whatever else FFmpeg raises.
-        """
-        import av
-
-        call = Call()
-        with av.logging.Capture() as messages:
-            try:
-                yield call
-            except GestureError:
-                raise
-            except av.error.DecoderNotFoundError as error:
-                raise self._error("no decoder for its codec", "E_MEDIA_CODEC", "re-encode it") from error
-            except (av.error.FFmpegError, ValueError, OverflowError, ArithmeticError, OSError) as error:
-                cause = (getattr(error, "strerror", None) or str(error) or type(error).__name__).rstrip(".")
-                disk = isinstance(error, OSError) and not isinstance(error, av.error.FFmpegError)
-                # A broken header sends the demuxer to a place before the file's beginning: that is EINVAL,
-                # and the fault of what was read, not of the disk.
-                if disk and getattr(error, "errno", None) != errno.EINVAL:
-                    raise self._error(
-                        f"cannot be read: {cause}", "E_MEDIA_UNREADABLE", "check the disk"
-                    ) from error
-                if fatal:
-                    raise self._error(f"cannot be decoded: {cause}", "E_MEDIA_BROKEN") from error
-                call.failed = True
-                call.damage = call.damage or cause
-            except MemoryError as error:
-                raise self._error(
-                    "not enough memory to decode it", "E_MEDIA_MEMORY", "a smaller video"
-                ) from error
-        if self._early is not None:
-            self._early += messages
-            messages = []
-        self._count(call, messages)
-
-    def _count(self, call: Call, messages: Iterable[tuple[int, str, str]]) -> None:
-        """Note the first sign of damage of a call, which may be an error among the messages."""
-        import av
-
-        for level, name, message in messages:
-            if level <= av.logging.ERROR and name not in self._ignored:
-                call.damage = call.damage or _clause(message)
-        if call.damage:
-            self._log.damage(call.damage)
-
-
-def _clause(message: str) -> str:
-    """A message that may quote the file, as a clause that is fit for a terminal."""
-    text = " ".join(message.split()).rstrip(".")[:_MAX_MESSAGE]
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
-
-
-_levels: list[int | None] = []
-_lock = threading.Lock()
-
-
-@contextmanager
-def _errors_are_logged() -> Iterator[None]:
-    """Have FFmpeg log errors while any video is open, and restore its level after the last one."""
-    import av
-
-    with _lock:
-        _levels.append(av.logging.get_level())
-        if _levels[-1] is None or _levels[-1] < av.logging.ERROR:
-            av.logging.set_level(av.logging.ERROR)
-    try:
-        yield
-    finally:
-        with _lock:
-            first = _levels[0]
-            _levels.pop()
-            if not _levels:
-                av.logging.set_level(first)
-
-
 def _refuse(url: str, flags: int, options: object) -> NoReturn:
     """Called where FFmpeg would open a further file."""
     raise ValueError(f"a media file may not open {url!r}")
@@ -365,21 +282,33 @@ def _orientation(frame: VideoFrame) -> tuple[float, bool]:
     The matrix (a, b, c, d) shows the point (x, y) of the stored picture at (a x + c y, b x + d y);
     ISO 14496-12, section 8.2.2.
     """
-    side_data = cast("SideDataContainer", frame.side_data)
-    for index in range(len(side_data)):
-        item = side_data[index]
-        if item.type.name == "DISPLAYMATRIX":
-            values = np.frombuffer(bytes(item), np.int32, 9) / 65536
-            a, b, c, d = (float(values[place]) for place in (0, 1, 3, 4))
-            if a * d - b * c < 0:
-                return math.degrees(math.atan2(b, d)), True
-            return math.degrees(math.atan2(b, a)), False
-    return -float(frame.rotation), False
+    side_data = _side_data(frame)
+    if "DISPLAYMATRIX" not in side_data:
+        return -float(frame.rotation), False
+    values = np.frombuffer(bytes(side_data["DISPLAYMATRIX"]), np.int32, 9) / 65536
+    a, b, c, d = (float(values[place]) for place in (0, 1, 3, 4))
+    if a * d - b * c < 0:
+        return math.degrees(math.atan2(b, d)), True
+    return math.degrees(math.atan2(b, a)), False
 
 
-def _tagged_frames(metadata: dict[str, str]) -> int:
-    """The number of frames among Matroska's statistics tags, 0 where there is none."""
-    for key, value in metadata.items():
-        if key.upper().startswith("NUMBER_OF_FRAMES") and value.isascii() and value.isdigit():
-            return int(value[:12])
-    return 0
+def _side_data(frame: VideoFrame) -> SideDataContainer:
+    """Side data of a frame, with the kinds that FFmpeg knows and this release of PyAV does not.
+
+    One of these, such as the view of a spatial video or the EXIF of a camera, has PyAV refuse all.
+    """
+    try:
+        return cast("SideDataContainer", frame.side_data)
+    except ValueError:
+        from av.sidedata.sidedata import Type
+
+        def unknown(kind: type[Type], value: int) -> Type:
+            member = object.__new__(kind)
+            vars(member).update(_name_=f"UNKNOWN_{value}", _value_=value)
+            return member
+
+        Type._missing_ = classmethod(unknown)  # type: ignore[assignment, method-assign]
+        try:
+            return cast("SideDataContainer", frame.side_data)
+        finally:
+            del Type._missing_

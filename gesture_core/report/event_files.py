@@ -1,0 +1,173 @@
+"""The events of a run as files for other programs: ELAN, WebVTT, SubRip, ActivityNet.
+
+ELAN (Wittenburg et al. 2006) and the two subtitle formats belong to one recording each, so they are written
+as one file for each input, those without events included; ActivityNet's JSON holds all of them.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from gesture_core.errors import MissingDependencyError, RunFolderError
+from gesture_core.files import printable, replacing
+from gesture_core.types import Row
+
+FORMATS = ("eaf", "vtt", "srt", "activitynet")
+_SUFFIXES = {"eaf": ".eaf", "vtt": ".vtt", "srt": ".srt"}
+
+
+def write_event_files(rows: Iterable[Row], format: str, target: Path) -> list[Path]:
+    """Write the events among ``rows`` in one of `FORMATS`.
+
+    Parameters
+    ----------
+    rows : iterable of Row
+        Of a run of `gesture spot`.
+    format : str
+    target : Path
+        A folder, or for ``activitynet`` a file.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    MissingDependencyError
+        Where ELAN or WebVTT is asked for and its library is not installed.
+    RunFolderError
+        Where no row is an event, and none says that there was none: a run of another command.
+    """
+    inputs: dict[str, list[Row]] = {}
+    spotted = False
+    for row in rows:
+        spotted |= bool(row.event) or row.code == "E_NO_EVENT"
+        events = inputs.setdefault(row.input, [])
+        if row.event:
+            events.append(row)
+    if not spotted:
+        raise RunFolderError(
+            "the run has no events", remedy="gesture spot, then this command", code="E_NO_RUN"
+        )
+    if format == "activitynet":
+        with replacing(target) as temporary:
+            temporary.write_text(json.dumps(activitynet(inputs), ensure_ascii=False, indent=1), "utf-8")
+        return [target]
+    target.mkdir(parents=True, exist_ok=True)
+    written: list[Path] = []
+    for name, events in inputs.items():
+        path = _free(target, name, _SUFFIXES[format], written)
+        with replacing(path) as temporary:
+            _WRITERS[format](name, events, temporary)
+        written.append(path)
+    return written
+
+
+def tiers(events: Sequence[Row]) -> Mapping[str, list[Row]]:
+    """Events by tier: one for each person, and a further one where two of a person's events overlap."""
+    found: dict[str, list[Row]] = {}
+    for event in sorted(events, key=lambda row: (row.person, row.start or 0.0)):
+        number = 1
+        while True:
+            name = f"person {event.person}" + (f" ({number})" if number > 1 else "")
+            tier = found.setdefault(name, [])
+            if not tier or _milliseconds(tier[-1].end) <= _milliseconds(event.start):
+                tier.append(event)
+                break
+            number += 1
+    return found
+
+
+def activitynet(inputs: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
+    """The tree of ActivityNet's detection results (Caba Heilbron et al. 2015)."""
+    results = {
+        printable(name): [
+            {"label": row.label, "segment": [row.start, row.end], "score": row.score} for row in events
+        ]
+        for name, events in inputs.items()
+    }
+    return {"version": "VERSION 1.3", "results": results, "external_data": {}}
+
+
+def _write_elan(name: str, events: Sequence[Row], path: Path) -> None:
+    try:
+        from pympi import Elan
+    except ImportError:
+        raise _missing("ELAN files need pympi-ling") from None
+    document = Elan.Eaf(author="gesture-core")
+    document.remove_tier("default")
+    document.add_linked_file(printable(name.partition("::")[0]), mimetype="video/*")
+    every = tiers(events) or {"person 0": []}
+    for tier, some in every.items():
+        document.add_tier(tier)
+        for row in some:
+            start, end = _milliseconds(row.start), _milliseconds(row.end)
+            document.add_annotation(tier, start, max(end, start + 1), printable(row.label or ""))
+    document.to_file(str(path))
+
+
+def _write_vtt(name: str, events: Sequence[Row], path: Path) -> None:
+    try:
+        import webvtt
+    except ImportError:
+        raise _missing("WebVTT files need webvtt-py") from None
+    document = webvtt.WebVTT()
+    for row in _in_order(events):
+        text = html.escape(_said(row, events), quote=False)
+        document.captions.append(webvtt.Caption(_clock(row.start, "."), _clock(row.end, "."), text))
+    with path.open("w", encoding="utf-8") as file:
+        document.write(file)
+
+
+def _write_srt(name: str, events: Sequence[Row], path: Path) -> None:
+    blocks = [
+        f"{number}\n{_clock(row.start, ',')} --> {_clock(row.end, ',')}\n{_said(row, events)}\n"
+        for number, row in enumerate(_in_order(events), 1)
+    ]
+    path.write_text("\n".join(blocks), "utf-8")
+
+
+_WRITERS: Mapping[str, Callable[[str, Sequence[Row], Path], None]] = {
+    "eaf": _write_elan,
+    "vtt": _write_vtt,
+    "srt": _write_srt,
+}
+
+
+def _missing(what: str) -> MissingDependencyError:
+    return MissingDependencyError(what, remedy="pip install 'gesture-core[events]'")
+
+
+def _in_order(events: Sequence[Row]) -> list[Row]:
+    return sorted(events, key=lambda row: (row.start or 0.0, row.person))
+
+
+def _said(row: Row, events: Sequence[Row]) -> str:
+    """The label, with the person in front where there are several."""
+    text = printable(row.label or "").replace("\n", " ")
+    return f"person {row.person}: {text}" if len({one.person for one in events}) > 1 else text
+
+
+def _milliseconds(seconds: float | None) -> int:
+    return max(0, round((seconds or 0.0) * 1000))
+
+
+def _clock(seconds: float | None, point: str) -> str:
+    whole, part = divmod(_milliseconds(seconds), 1000)
+    return f"{whole // 3600:02d}:{whole // 60 % 60:02d}:{whole % 60:02d}{point}{part:03d}"
+
+
+def _free(folder: Path, name: str, suffix: str, taken: Sequence[Path]) -> Path:
+    """A file of the input's name in ``folder`` that no other input of the run has."""
+    path, _, member = name.partition("::")
+    stem = printable(Path(path).stem) + (f"-{printable(member).replace('/', '_')}" if member else "")
+    number, free = 1, folder / f"{stem}{suffix}"
+    while free in taken:
+        number += 1
+        free = folder / f"{stem}-{number}{suffix}"
+    return free

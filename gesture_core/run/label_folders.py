@@ -1,0 +1,201 @@
+"""Labels from folders: which level of an archive's folders names the gestures."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from gesture_core.errors import ConfigError
+from gesture_core.files import printable
+from gesture_core.run.inputs import Input
+from gesture_core.run.results import DATABASE
+
+_LEVEL = re.compile(r"folder(?::(-?\d+))?")
+# Folders that are parts of a data set.
+_PARTS = frozenset(
+    "train training trn val valid validation dev eval evaluation test testing tst holdout".split()
+)
+# What people are called in front of their number.
+_PEOPLE = frozenset(
+    "s sub subj subject p person people u user a actor participant signer performer id".split()
+)
+_NUMBER = re.compile(r"[\d\W_]+")
+# Of the folders that lie in any of the folders above, each of these holds this share on average: the same.
+_ALIKE = 0.5
+_SHOWN = 4
+
+Folders = tuple[str, ...]
+
+
+def takes_folders(labels: str) -> bool:
+    """Whether ``labels`` is ``folder``, or ``folder:`` and a level."""
+    return _LEVEL.fullmatch(labels) is not None
+
+
+class FolderLabels:
+    """The label of an input, by a folder that it lies in.
+
+    Parameters
+    ----------
+    labels : str
+        ``folder``: the first folder below the root, or where the roots themselves are folders of clips side
+        by side, as a pattern such as ``examples/*`` gives them, the root. ``folder:N`` is the N-th folder
+        below the root, from 0; ``folder:-1`` the one that holds the clip, ``folder:-2`` the one above.
+    items : sequence of Input
+    roots : sequence of path
+        The sources that the items were found in.
+
+    Raises
+    ------
+    ConfigError
+        ``E_LABELS`` for ``folder`` where another level looks like the label.
+    """
+
+    def __init__(self, labels: str, items: Sequence[Input], roots: Sequence[str | os.PathLike[str]]) -> None:
+        match = _LEVEL.fullmatch(labels)
+        self._level = int(match[1]) if match and match[1] else None
+        self._roots = _folders(roots)
+        self._are_roots = self._level is None and _are_labels(items, self._roots)
+        if self._level is None and not self._are_roots:
+            self._check([item for item in items if item.kind in ("video", "keypoints")])
+
+    def __call__(self, item: Input) -> str | None:
+        if self._level is not None and self._level < 0:
+            above = item.path.absolute().parts[:-1]
+            return printable(above[self._level]) if len(above) > -self._level else None
+        root = _root_of(item, self._roots)
+        if root is None:
+            return None
+        below = self._below(item, root)
+        if self._are_roots:
+            return printable(root.name)
+        level = self._level or 0
+        return printable(below[level]) if len(below) > level else None
+
+    def fault(self, item: Input) -> str:
+        """Why ``item`` has no label."""
+        root = _root_of(item, self._roots)
+        if root is None:
+            return "no folder was named that it lies in"
+        return f"it lies in no folder below {printable(root)}" + (
+            f" with number {self._level}" if self._level else ""
+        )
+
+    def remedy(self, item: Input) -> str:
+        """What helps against that."""
+        if item.kind == "keypoints" and item.path.is_dir():
+            return f"a folder for each clip, such as {item.name}/1/*_keypoints.json"
+        root = _root_of(item, self._roots)
+        if root is not None and item.path.parent == root:
+            parent = printable(root.parent)
+            return (
+                f"the folder above, {parent}, if {printable(root.name)} is the label, or --labels folder:-1"
+            )
+        return "--labels folder:-1 for the folder that holds each clip, a table, or a regular expression"
+
+    def _below(self, item: Input, root: Path) -> Folders:
+        return item.path.relative_to(root).parts[:-1]
+
+    def _check(self, items: Sequence[Input]) -> None:
+        """Refuse labels that are parts of a data set, or people who perform."""
+        tree = [self._below(item, root) for item in items if (root := _root_of(item, self._roots))]
+        tree = [folders for folders in tree if folders]
+        if not tree:
+            return
+        top = {folders[0] for folders in tree}
+        depth = min(map(len, tree))
+        parts = _are_parts(top)
+        if not parts and not (depth > 1 and _repeats(tree, 0)):
+            return
+        level = 1
+        while level + 1 < depth and (_numbered(tree, level) is not None or _repeats(tree, level)):
+            level += 1
+        what = (
+            f"{_listed(top)} look like {'parts of a data set' if parts else 'people or places'}, not labels"
+        )
+        anyway = f"--labels folder:0 if {_listed(top)} are the labels"
+        if level >= depth:
+            raise ConfigError(
+                what, remedy=f"--labels with a table or a regular expression, or {anyway}", code="E_LABELS"
+            )
+        names = _listed({folders[level] for folders in tree})
+        number = -1 if {len(folders) for folders in tree} == {level + 1} else level
+        raise ConfigError(
+            f"{what}; below {'it' if len(top) == 1 else 'each of them'} lie folders such as {names}",
+            remedy=f"--labels folder:{number} for {names}; {anyway}",
+            code="E_LABELS",
+        )
+
+
+def label_folders(items: Sequence[Input], roots: Sequence[str | os.PathLike[str]], avoid: Path) -> set[str]:
+    """Names of the folders that stand for labels, whatever is in them, where ``--labels`` is ``folder``.
+
+    Hidden ones, ``avoid`` and other run folders stand for none.
+    """
+    folders = _folders(roots)
+    if _are_labels(items, folders):
+        return {folder.name for folder in folders}
+    found: set[str] = set()
+    for root in folders:
+        with suppress(OSError):  # what cannot be listed has been said by then
+            for folder in root.iterdir():
+                own = (folder / DATABASE).exists() or folder.resolve() == avoid.resolve()
+                if folder.is_dir() and not own and not folder.name.startswith("."):
+                    found.add(folder.name)
+    return found
+
+
+def _folders(roots: Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """The folders among the sources, those of patterns included."""
+    found = []
+    for root in roots:
+        text = os.fspath(root)
+        some = [text] if Path(text).exists() else sorted(glob.glob(text, recursive=True))  # noqa: PTH207
+        found += [Path(one) for one in some if Path(one).is_dir()]
+    return found
+
+
+def _are_labels(items: Sequence[Input], roots: Sequence[Path]) -> bool:
+    """Whether the roots are folders of clips side by side."""
+    if len(roots) < 2 or len({root.absolute().parent for root in roots}) > 1:
+        return False
+    clips = [item for item in items if item.kind in ("video", "keypoints")]
+    return bool(clips) and all(item.path.parent in roots for item in clips)
+
+
+def _root_of(item: Input, roots: Sequence[Path]) -> Path | None:
+    inside = (root for root in roots if item.path.is_relative_to(root) and item.path != root)
+    return next(inside, None)
+
+
+def _are_parts(names: Iterable[str]) -> bool:
+    return all(_NUMBER.sub("", name).casefold() in _PARTS for name in names)
+
+
+def _numbered(tree: Sequence[Folders], level: int) -> str | None:
+    """What all folders of a level are called in front of their number (people, cameras, days), else None."""
+    names = {folders[level] for folders in tree if len(folders) > level}
+    stems = {_NUMBER.sub("", name).casefold() for name in names}
+    alike = len(stems) == 1 and all(any(letter.isdigit() for letter in name) for name in names)
+    return stems.pop() if alike else None
+
+
+def _repeats(tree: Sequence[Folders], level: int) -> bool:
+    """Whether the folders of a level hold the same folders, which are not just numbered."""
+    inside: dict[Folders, set[str]] = {}
+    for folders in tree:
+        inside.setdefault(folders[: level + 1], set()).add(folders[level + 1])
+    every = set().union(*inside.values())
+    shares = [len(names) / len(every) for names in inside.values()]
+    alike = len(every) > 1 and sum(shares) / len(shares) >= _ALIKE
+    here, below = _numbered(tree, level), _numbered(tree, level + 1)
+    return alike and (below is None or (here is not None and (here in _PEOPLE or below not in _PEOPLE)))
+
+
+def _listed(names: Iterable[str]) -> str:
+    ordered = sorted(printable(name) for name in names)
+    return ", ".join(ordered[:_SHOWN]) + (", …" if ordered[_SHOWN:] else "")

@@ -1,0 +1,203 @@
+"""Lists of paths, and tables of paths and labels, as people and spreadsheets write them."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gesture_core.errors import ConfigError, InputError
+from gesture_core.files import printable
+
+NO_TEXT, SAVE_AS_TEXT = "is not text in UTF-8", "saving it as UTF-8"
+_PATHS = ("path", "input", "file", "video")
+# Headings of others, where there is only one of them.
+_MORE_PATHS = frozenset(
+    "filename file_name filepath file_path videoname video_name videopath video_path video_id clip clip_id "
+    "clip_name name".split()
+)
+_MORE_LABELS = frozenset(
+    "labels class class_name classname gesture gesture_name sign gloss category action activity".split()
+)
+_MARKS = ",;\t|"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of paths and labels.
+
+    Attributes
+    ----------
+    entries : list of (str, str)
+        Path as it is written, and label, empty where there is none.
+    header : bool
+        Whether a heading told which column is which.
+    """
+
+    entries: list[tuple[str, str]]
+    header: bool = True
+
+
+def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
+    """Paths and labels listed in ``path``; None where it is no manifest.
+
+    A text manifest (``.txt``) has one path a line, a CSV manifest a column ``path`` and perhaps
+    ``label``. Relative paths start at the manifest's folder; lines that begin with ``#`` are comments.
+
+    Raises
+    ------
+    InputError
+        Where it looks like one and cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".txt", ".csv"):
+        return None
+    subject = printable(os.fspath(path))
+    try:
+        if suffix == ".txt":
+            lines = [line for line in _lines(path) if line.strip() and not line.startswith("#")]
+            return [(place(path.parent, line), None) for line in lines]
+        cells, mark = _headings(_lines(path))
+        if (at := _first(cells, _PATHS)) is None:
+            return None
+        label = cells.index("label") if "label" in cells else len(cells)
+        rows = list(csv.reader(_lines(path), delimiter=mark))[1:]
+        return [
+            (place(path.parent, row[at]), _text(row[label]) or None if label < len(row) else None)
+            for row in rows
+            if at < len(row) and row[at]
+        ]
+    except UnicodeError:
+        raise InputError(NO_TEXT, subject=subject, remedy=SAVE_AS_TEXT, code="E_MANIFEST") from None
+    except (OSError, csv.Error) as error:
+        raise InputError(f"not a manifest: {error}", subject=subject, code="E_MANIFEST") from None
+
+
+def place(folder: Path, text: str) -> Path:
+    """The path that is written as ``text`` in a list in ``folder``: with the separators of Windows, too."""
+    found = folder / text
+    return folder / text.replace("\\", "/") if "\\" in text and not os.path.lexists(found) else found
+
+
+def read_labels(path: Path, columns: str = "") -> Table:
+    """The paths and labels in a table of any separator.
+
+    Parameters
+    ----------
+    path : Path
+    columns : str
+        ``PATH,LABEL``: two headings, or two numbers of columns, from 1, in a table without a header.
+        By default, headings that say so; a table of two columns may do without.
+
+    Raises
+    ------
+    ConfigError
+        ``E_LABELS`` where there is no such file or column.
+    """
+    try:
+        lines = [line for line in _lines(path) if line.strip()]
+        if not lines:
+            raise ConfigError("is empty", subject=str(path), remedy="path,label", code="E_LABELS")
+        cells, mark = _headings(lines)
+        chosen, header = _columns(path, cells, columns)
+        rows = list(csv.reader(lines, delimiter=mark))[header:]
+        entries = [(row[chosen[0]], _text(row[chosen[1]])) for row in rows if len(row) > max(chosen)]
+        entries += [(row[chosen[0]], "") for row in rows if chosen[0] < len(row) <= chosen[1]]
+    except UnicodeError:
+        raise ConfigError(NO_TEXT, subject=str(path), remedy=SAVE_AS_TEXT, code="E_LABELS") from None
+    except (OSError, csv.Error) as error:
+        cause = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read: {error}"
+        raise ConfigError(cause, subject=str(path), remedy="check the path", code="E_LABELS") from None
+    return Table([(text.strip(), label) for text, label in entries if text.strip()], header)
+
+
+def _columns(path: Path, cells: Sequence[str], columns: str) -> tuple[tuple[int, int], bool]:
+    """Numbers of the columns of path and label, and whether the first line is a header."""
+    known = printable(", ".join(cell or "(none)" for cell in cells))[:200]
+    if columns:
+        names = [name.strip().casefold() for name in columns.split(",")]
+        if len(names) != 2 or not all(names):
+            raise ConfigError(
+                f"--label-columns {columns!r}", remedy="two headings, such as filename,class", code="E_OPTION"
+            )
+        if all(name in cells for name in names):
+            return (cells.index(names[0]), cells.index(names[1])), True
+        if all(name.isdigit() and 0 < int(name) <= len(cells) for name in names):
+            return (int(names[0]) - 1, int(names[1]) - 1), False
+        lost = next(name for name in names if name not in cells)
+        raise ConfigError(
+            f"has no column {lost!r}, but {known}",
+            subject=str(path),
+            remedy="--label-columns with two of its headings, or numbers from 1 if it has no header",
+            code="E_LABELS",
+        )
+    at, label = _path_column(cells), _label_column(cells)
+    if at is not None and label is not None and at != label:
+        return (at, label), True
+    if at is None and label is None and len(cells) == 2:
+        return (0, 1), False
+    raise ConfigError(
+        f"has no column {'path' if at is None else 'label'!r}, but {known}",
+        subject=str(path),
+        remedy="its first line: path,label, or --label-columns PATH,LABEL with two of its headings",
+        code="E_LABELS",
+    )
+
+
+def _path_column(cells: Sequence[str]) -> int | None:
+    return _first(cells, _PATHS) if _first(cells, _PATHS) is not None else _only(cells, _MORE_PATHS)
+
+
+def _label_column(cells: Sequence[str]) -> int | None:
+    return cells.index("label") if "label" in cells else _only(cells, _MORE_LABELS)
+
+
+def _first(cells: Sequence[str], names: Sequence[str]) -> int | None:
+    return next((cells.index(name) for name in names if name in cells), None)
+
+
+def _only(cells: Sequence[str], names: frozenset[str]) -> int | None:
+    found = [number for number, cell in enumerate(cells) if cell in names]
+    return found[0] if len(found) == 1 else None
+
+
+def _headings(lines: Iterable[str]) -> tuple[list[str], str]:
+    """The cells of the first line, and the separator by which there are some that say what they are.
+
+    Spreadsheets write others than commas; a space separates only where it does so in every line.
+    """
+    every = list(lines)
+    first = every[0] if every else ""
+    found = {mark: _cells(first, mark) for mark in _MARKS}
+    for wanted in (_path_column, _label_column):
+        for mark, cells in found.items():
+            if len(cells) > 1 and wanted(cells) is not None:
+                return cells, mark
+    if _path_column(found[","]) is not None:
+        return found[","], ","
+    for mark in (*_MARKS, " "):
+        counts = {len(_cells(line, mark)) for line in every}
+        if counts == {2} or (len(counts) == 1 and mark != " " and counts > {1}):
+            return _cells(first, mark), mark
+    return found[","], ","
+
+
+def _cells(line: str, mark: str) -> list[str]:
+    return [cell.strip().casefold() for cell in next(csv.reader([line], delimiter=mark), [])]
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """The lines of a text; a UnicodeError where they are UTF-16, as spreadsheets offer to write."""
+    with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
+        for line in file:
+            if "\0" in line:
+                raise UnicodeError
+            yield line.rstrip("\r\n")
+
+
+def _text(cell: str) -> str:
+    """A label; a UnicodeError where it is in another encoding, in which a name of a file may well be."""
+    cell.encode("utf-8")
+    return cell.strip()

@@ -1,0 +1,1 @@
+"""Events in long recordings and live streams: what was done when."""

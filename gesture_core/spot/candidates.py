@@ -1,0 +1,113 @@
+"""Subsequences that may be events: where the distance to a class has a local minimum in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gesture_core.spot.examples import SpottingExamples
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A subsequence that may be an event.
+
+    Attributes
+    ----------
+    start, end : float
+        Seconds.
+    code : int
+        Index of its class.
+    distance : float
+    example : int
+        The nearest one.
+    rank : float
+        Lower is better: the distance, less the margin by which the classifier agrees.
+    """
+
+    start: float
+    end: float
+    code: int
+    distance: float
+    example: int
+    rank: float
+
+    def overlaps(self, other: Candidate, share: float) -> bool:
+        """Whether the two have more than ``share`` of the shorter one in common."""
+        shorter = min(self.end - self.start, other.end - other.start)
+        return min(self.end, other.end) - max(self.start, other.start) > share * shorter
+
+
+class Search:
+    """The candidates in one stream, as its frames come.
+
+    Parameters
+    ----------
+    examples : SpottingExamples
+    present : (D,) bool
+        Channels that the stream has.
+    worst : float
+        Distance above which no subsequence is a candidate.
+    """
+
+    def __init__(self, examples: SpottingExamples, present: np.ndarray, worst: float) -> None:
+        self._looking = examples.look_into(present)
+        self._example, self._worst = examples.example, worst
+        classes, codes = len(examples.classes), examples.code_of_series()
+        self._columns = [
+            [np.flatnonzero(codes[members] == code) for code in range(classes)]
+            for members, _, _ in self._looking
+        ]
+        # The two frames before the next one: each class's distance, series and begin, and their times.
+        self._best: np.ndarray = np.full((2, classes), np.inf)
+        self._series: np.ndarray = np.zeros((2, classes), np.int64)
+        self._begin: np.ndarray = np.zeros((2, classes))
+        self._keep = 2 * max(map(len, examples.series)) + 2
+        self._times: np.ndarray = np.zeros(self._keep)
+
+    def push(self, values: np.ndarray, times: np.ndarray) -> list[list[Candidate]]:
+        """Candidates that are known at each of the new frames, one list for each."""
+        count, classes = len(values), self._best.shape[1]
+        best: np.ndarray = np.full((count, classes), np.inf)
+        series: np.ndarray = np.zeros((count, classes), np.int64)
+        length: np.ndarray = np.ones((count, classes), np.int64)
+        rows = np.arange(count)
+        for (members, channels, state), columns in zip(self._looking, self._columns, strict=True):
+            distances, lengths = state.push(values[:, channels])
+            for code, own in enumerate(columns):
+                if len(own) == 0:
+                    continue
+                nearest = own[distances[:, own].argmin(axis=1)]
+                found = distances[rows, nearest]
+                better = found < best[:, code]
+                best[better, code] = found[better]
+                series[better, code] = members[nearest[better]]
+                length[better, code] = lengths[rows, nearest][better]
+        self._times = np.concatenate([self._times[-self._keep :], times])
+        last = len(self._times) - count + rows
+        begin = self._times[last[:, None] - length + 1]
+        return self._minima(best, series, begin)
+
+    def finish(self) -> list[Candidate]:
+        """Candidates that end with the last frame."""
+        self._times = np.append(self._times, self._times[-1])
+        nothing: np.ndarray = np.full((1, self._best.shape[1]), np.inf)
+        return self._minima(nothing, np.zeros(nothing.shape, np.int64), np.zeros(nothing.shape))[0]
+
+    def _minima(self, best: np.ndarray, series: np.ndarray, begin: np.ndarray) -> list[list[Candidate]]:
+        """Candidates that end one frame before each of the new ones."""
+        found: list[list[Candidate]] = [[] for _ in best]
+        ends = self._times[-len(best) - 1 : -1]
+        self._best = np.concatenate([self._best, best])
+        self._series = np.concatenate([self._series, series])
+        self._begin = np.concatenate([self._begin, begin])
+        middle = self._best[1:-1]
+        low = (middle <= self._best[:-2]) & (middle < self._best[2:]) & (middle <= self._worst)
+        for frame, code in np.argwhere(low).tolist():
+            one = frame + 1
+            distance, example = float(self._best[one, code]), int(self._example[self._series[one, code]])
+            start, end = float(self._begin[one, code]), float(ends[frame])
+            found[frame].append(Candidate(start, end, code, distance, example, distance))
+        self._best, self._series, self._begin = self._best[-2:], self._series[-2:], self._begin[-2:]
+        return found

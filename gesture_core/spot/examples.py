@@ -1,0 +1,185 @@
+"""What is looked for: the examples at several tempos, and how near to them an event must be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gesture_core.classify.recognizer import Recognizer
+from gesture_core.dtw.subsequence import choose_subsequence_kernel
+from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.plugin.interfaces import Subsequences
+from gesture_core.settings import Settings
+from gesture_core.spot.signals import stream_chain
+from gesture_core.types import PoseSequence, Signals
+
+NONE = "_none"
+"""The label of movements that are no gesture: looked for like any other, and never an event."""
+_COMMON = 0.5
+"""Share of an example's variance that the channels must hold which the stream has as well."""
+_MEMBERS = 3
+"""Distances inside a class from which on it has a threshold of its own."""
+_PART = 0.5
+"""Of one example that another must cover for their distance to count."""
+_FALLBACK = 0.5
+"""Threshold where no class has two examples: about half as far as movements without anything in common."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpottingExamples:
+    """Examples ready to be looked for; made by `fit`.
+
+    Attributes
+    ----------
+    settings : Settings
+    series : tuple of Signals
+        Each example at its own length and at every other tempo.
+    example : (N,) int64
+        Which example each of the series is.
+    names : tuple of str
+        Of the examples.
+    codes : (E,) int64
+        Class of each example.
+    classes : tuple of str
+    held : (C,) bool
+        Gestures that are held: in most of their examples nothing moves.
+    thresholds : (C,) float64
+        Distance up to which a class has events.
+    calibrated : bool
+        The thresholds come from the examples; otherwise no class had two of them.
+    recognizer : Recognizer or None
+        The second stage.
+    """
+
+    settings: Settings
+    series: tuple[Signals, ...]
+    example: np.ndarray
+    names: tuple[str, ...]
+    codes: np.ndarray
+    classes: tuple[str, ...]
+    held: np.ndarray
+    thresholds: np.ndarray
+    calibrated: bool
+    recognizer: Recognizer | None
+
+    @classmethod
+    def fit(
+        cls,
+        settings: Settings,
+        poses: Sequence[PoseSequence],
+        labels: Sequence[str],
+        names: Sequence[str] | None = None,
+        *,
+        live: bool = False,
+        alive: Callable[[], None] = lambda: None,
+    ) -> SpottingExamples:
+        """Take clips of one gesture each; ``live`` ones have no means subtracted, as streams have not."""
+        if not poses or len(poses) != len(labels):
+            raise InputError(f"{len(poses)} examples and {len(labels)} labels", code="E_EXAMPLES")
+        names = tuple(names or [pose.source or str(n) for n, pose in enumerate(poses)])
+        classes, codes = np.unique([str(label) for label in labels], return_inverse=True)
+        if set(classes) == {NONE}:
+            raise ConfigError(
+                f"every example is called {NONE}", remedy="examples of gestures", code="E_LABELS"
+            )
+        chosen = settings.spot
+        chain = stream_chain(settings, 0.0 if live else chosen.mean)
+        series, example = [], []
+        for number, pose in enumerate(poses):
+            for tempo in (1.0, *chosen.tempos):
+                try:
+                    series.append(chain(replace(pose, times=pose.times * tempo)))
+                except GestureError as error:
+                    raise error.about(names[number]) from error.__cause__
+                example.append(number)
+            alive()
+        tempos = 1 + len(chosen.tempos)
+        still = np.array([not one.selected for one in series[::tempos]])
+        made = cls(
+            settings,
+            tuple(series),
+            np.array(example),
+            names,
+            codes.astype(np.int64),
+            tuple(classes.tolist()),
+            np.array([still[codes == code].mean() > 0.5 for code in range(len(classes))]),
+            np.full(len(classes), np.inf),
+            False,
+            Recognizer.fit(settings, poses, list(labels), names, alive=alive) if chosen.verify else None,
+        )
+        return made._with_thresholds(alive)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def code_of_series(self) -> np.ndarray:
+        """(N,) class of each of the series."""
+        return np.asarray(self.codes[self.example])
+
+    def look_into(self, present: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, Subsequences]]:
+        """Begin to look for the examples in a stream that has the (D,) channels ``present``.
+
+        Returns
+        -------
+        list of (series, channels, state)
+            Series that share their channels, those channels, and what finds them.
+        """
+        _, kernel = choose_subsequence_kernel(self.settings.classify.kernel, self.settings.options)
+        groups: dict[bytes, list[int]] = {}
+        for number, signals in enumerate(self.series):
+            wanted = _wanted(signals)
+            spread = signals.values.var(axis=0, dtype=np.float64)
+            used = wanted & present
+            if used.any() and spread[used].sum() >= _COMMON * spread[wanted].sum():
+                groups.setdefault(used.tobytes(), []).append(number)
+        looking = []
+        for key, members in groups.items():
+            channels = np.flatnonzero(np.frombuffer(key, bool))
+            values = [self.series[n].values[:, channels] for n in members]
+            state = kernel.subsequences(values, self.settings.spot.floor)
+            looking.append((np.array(members), channels, state))
+        return looking
+
+    def _with_thresholds(self, alive: Callable[[], None]) -> SpottingExamples:
+        """The same with thresholds: mean and deviation of the distances between a class's examples."""
+        chosen = self.settings.spot
+        within = self.distances_between(alive)
+        nearest: np.ndarray = np.full(len(self), np.inf)
+        for number, code in enumerate(self.codes):
+            others = within[number, (self.codes == code) & (np.arange(len(self)) != number)]
+            nearest[number] = others.min(initial=np.inf)
+        known = np.isfinite(nearest)
+        thresholds: np.ndarray = np.full(len(self.classes), _FALLBACK)
+        if known.any():
+            thresholds[:] = nearest[known].mean() + chosen.deviations * nearest[known].std()
+            for code in range(len(self.classes)):
+                own = nearest[known & (self.codes == code)]
+                if len(own) >= _MEMBERS:
+                    thresholds[code] = own.mean() + chosen.deviations * own.std()
+        if chosen.threshold is not None:
+            thresholds[:] = chosen.threshold
+        return replace(self, thresholds=thresholds, calibrated=bool(known.any()))
+
+    def distances_between(self, alive: Callable[[], None] = lambda: None) -> np.ndarray:
+        """(E, E) distance of the best subsequence of each example (row) to each other one."""
+        table: np.ndarray = np.full((len(self), len(self)), np.inf)
+        own = np.flatnonzero(np.diff(self.example, prepend=-1))
+        for number, place in enumerate(own):
+            signals = self.series[place]
+            assert signals.present is not None
+            for members, channels, state in self.look_into(signals.present):
+                distances, lengths = state.push(signals.values[:, channels])
+                covers = lengths >= _PART * len(signals)
+                best = np.where(covers, distances, np.inf).min(axis=0)
+                np.minimum.at(table[number], self.example[members], best)
+            alive()
+        return table
+
+
+def _wanted(signals: Signals) -> np.ndarray:
+    """(D,) channels that an example moves in; all that it has where it moves in none, as a posture."""
+    assert signals.mask is not None and signals.present is not None
+    moving = signals.mask & signals.present
+    return np.asarray(moving if moving.any() else signals.present)

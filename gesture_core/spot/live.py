@@ -1,0 +1,110 @@
+"""Signals of a stream while it goes on: of the last seconds, a moment behind the newest frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from gesture_core.errors import GestureError
+from gesture_core.signals.chain import Chain
+from gesture_core.types import PoseSequence, Signals
+
+WINDOW = 4.0
+"""Seconds of keypoints that the signals of a frame are made from."""
+LOOKAHEAD = 0.1
+"""Seconds that a signal stays behind, so that smoothing sees what comes next."""
+MEMORY = 30.0
+"""Seconds of keypoints that are kept for the classifier."""
+_WARM = 0.5
+"""Seconds before the first signal of a stream, in which it is seen which joints there are."""
+
+
+class LiveSignals:
+    """Turns frames into signals, one frame at a time, so that blocks make no difference.
+
+    Parameters
+    ----------
+    chain : Chain
+        From `signals.stream_chain`, without means.
+    gap : float
+        Seconds without the person after which the stream begins anew.
+
+    Attributes
+    ----------
+    pose : PoseSequence
+        The keypoints of the last `MEMORY` seconds.
+    """
+
+    pose: PoseSequence
+
+    def __init__(self, chain: Chain, gap: float) -> None:
+        self._chain, self._gap = chain, gap
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin a new stream."""
+        empty = np.empty((0, 18, 2))
+        self.pose = PoseSequence(empty, empty[..., 0], np.empty(0))
+        self._done = -np.inf
+        self._present: np.ndarray | None = None
+        self._last: np.ndarray | None = None
+
+    def push(self, pose: PoseSequence) -> Iterator[Signals | None]:
+        """New signals after each frame of ``pose`` that brings any; None where the person was lost."""
+        for place in range(len(pose)):
+            one = slice(place, place + 1)
+            now, seen = float(pose.times[place]), bool(pose.seen[place].any())
+            known = self.pose.times[self.pose.seen.any(axis=1)]
+            if len(known) and now - known[-1] > self._gap:
+                self.clear()
+                yield None
+            if not seen and len(self.pose) == 0:
+                continue
+            kept = slice(int(np.searchsorted(self.pose.times, now - MEMORY)), None)
+            self.pose = replace(
+                pose,
+                keypoints=np.concatenate([self.pose.keypoints[kept], pose.keypoints[one]]),
+                scores=np.concatenate([self.pose.scores[kept], pose.scores[one]]),
+                times=np.concatenate([self.pose.times[kept], pose.times[one]]),
+            )
+            if now - self.pose.times[0] < _WARM or not seen:
+                continue
+            signals = self._signals(now)
+            if signals is not None:
+                yield signals
+
+    def _signals(self, now: float) -> Signals | None:
+        """Signals of the times up to a moment ago that had none yet."""
+        recent = slice(int(np.searchsorted(self.pose.times, now - WINDOW)), None)
+        try:
+            made = self._chain(
+                replace(
+                    self.pose,
+                    keypoints=self.pose.keypoints[recent],
+                    scores=self.pose.scores[recent],
+                    times=self.pose.times[recent],
+                )
+            )
+        except GestureError:  # too little is seen yet; a person who is lost for longer ends the stream
+            return None
+        new = (made.times > self._done) & (made.times <= now - LOOKAHEAD)
+        if not new.any():
+            return None
+        assert made.present is not None
+        if self._present is None:
+            self._present = made.present
+        # Channels that are gone for a while keep their last values, as a gap does.
+        values = made.values[new].copy()
+        lost = self._present & ~made.present
+        if self._last is not None:
+            values[:, lost] = self._last[lost]
+        self._last, self._done = values[-1], float(made.times[new][-1])
+        return replace(
+            made,
+            values=values,
+            times=made.times[new],
+            present=self._present,
+            mask=np.ones(values.shape[1], bool),
+        )

@@ -1,0 +1,43 @@
+"""Signals that a stream can have, and the parts of a recording in which the person is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from gesture_core.plugin.interfaces import StreamStep
+from gesture_core.settings import Settings
+from gesture_core.signals.chain import Chain
+from gesture_core.types import PoseSequence
+
+
+def stream_chain(settings: Settings, mean: float) -> Chain:
+    """The chain of ``settings`` with nothing in it that needs a whole clip.
+
+    Means are those of ``mean`` seconds around each frame, none where it is zero. What stands still has
+    signals as well, as most of a long recording does.
+    """
+    chain = Chain.from_settings(settings)
+    normalizer = chain.normalizer
+    if isinstance(normalizer, StreamStep):
+        normalizer = normalizer.on_stream(mean)
+    filters = tuple(step.on_stream(mean) if isinstance(step, StreamStep) else step for step in chain.filters)
+    return replace(chain, normalizer=normalizer, filters=filters, allow_still=True)
+
+
+def spans(pose: PoseSequence, gap: float) -> Iterator[PoseSequence]:
+    """The parts of ``pose`` in which the person is never lost for longer than ``gap`` seconds."""
+    seen = np.flatnonzero(pose.seen.any(axis=1))
+    if len(seen) == 0:
+        return
+    cuts = np.flatnonzero(np.diff(pose.times[seen]) > gap) + 1
+    for part in np.split(seen, cuts):
+        yield part_of(pose, int(part[0]), int(part[-1]) + 1)
+
+
+def part_of(pose: PoseSequence, start: int, stop: int) -> PoseSequence:
+    """The frames from ``start`` to before ``stop``."""
+    cut = slice(start, stop)
+    return replace(pose, keypoints=pose.keypoints[cut], scores=pose.scores[cut], times=pose.times[cut])

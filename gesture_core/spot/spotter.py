@@ -1,0 +1,267 @@
+"""`Spotter`: examples in, then the events of whole recordings, or of a stream as its frames come."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gesture_core.classify.recognizer import Recognizer
+from gesture_core.errors import GestureError, InputError
+from gesture_core.settings import Settings, load_settings
+from gesture_core.spot.candidates import Candidate, Search
+from gesture_core.spot.examples import NONE, SpottingExamples
+from gesture_core.spot.live import LiveSignals
+from gesture_core.spot.signals import spans, stream_chain
+from gesture_core.spot.suppression import Suppression, merged
+from gesture_core.types import Event, PoseSequence, Signals
+
+BLOCK = 512
+"""Frames of a recording that are compared at a time."""
+LIVE_PATIENCE = 0.5
+"""Seconds, unless ``spot.patience`` is set."""
+_SHORTEST = 2
+"""Frames that a cut needs to be judged by the classifier."""
+
+Judge = Callable[[Sequence[Candidate]], list[Candidate]]
+
+
+class EventSearch:
+    """Signals of one stream in, events out, the same in whatever blocks they come.
+
+    Parameters
+    ----------
+    examples : SpottingExamples
+    present : (D,) bool
+        Channels that the stream has.
+    patience : float or None
+        Seconds that an event waits for a better one; None for as long as there can be one.
+    judge : callable, optional
+        The second stage: takes candidates, and gives back those that it agrees with, ranked.
+    """
+
+    def __init__(
+        self,
+        examples: SpottingExamples,
+        present: np.ndarray,
+        patience: float | None = None,
+        judge: Judge | None = None,
+    ) -> None:
+        self._examples, self._judge = examples, judge
+        thresholds = examples.thresholds
+        self._search = Search(examples, present, float(thresholds.max()))
+        self._longest = 2 * max(float(one.times[-1] - one.times[0]) for one in examples.series) + 1.0
+        self._suppression = Suppression(
+            lambda one: one.distance <= thresholds[one.code],
+            examples.settings.spot.overlap,
+            self._longest if patience is None else patience,
+        )
+
+    def push(self, values: np.ndarray, times: np.ndarray) -> list[Candidate]:
+        """Events that are certain after the next (B, D) ``values`` at (B,) ``times``."""
+        found = self._search.push(values, times)
+        known = iter(self._judged([one for some in found for one in some]))
+        following = next(known, None)
+        events: list[Candidate] = []
+        for now, some in zip(times.tolist(), found, strict=True):
+            for one in some:
+                if following is not None and (one.end, one.code) == (following.end, following.code):
+                    self._suppression.add(following)
+                    following = next(known, None)
+            events += self._suppression.settle(now)
+        if len(times):
+            self._suppression.forget(float(times[-1]) - self._longest)
+        return self._gestures(events)
+
+    def finish(self) -> list[Candidate]:
+        """The events that were still waiting when the stream ended."""
+        for one in self._judged(self._search.finish()):
+            self._suppression.add(one)
+        return self._gestures(self._suppression.settle(np.inf))
+
+    def _judged(self, candidates: list[Candidate]) -> list[Candidate]:
+        return self._judge(candidates) if self._judge and candidates else candidates
+
+    def _gestures(self, events: list[Candidate]) -> list[Candidate]:
+        return [one for one in events if self._examples.classes[one.code] != NONE]
+
+
+class Spotter:
+    """Finds the gestures of some examples in long recordings, or in a stream of poses.
+
+    Parameters
+    ----------
+    poses : sequence of PoseSequence
+        Clips of one gesture each.
+    labels : sequence of str
+        ``_none`` for other movements: looked for like any gesture, and never an event.
+    settings : Settings or str, optional
+        Ready settings, or the name of a preset.
+    names : sequence of str, optional
+        What to call each example.
+    live : bool
+        For `push`: signals are those that a stream can have while it goes on.
+
+    Examples
+    --------
+    >>> from gesture_core import Spotter, load_poses
+    >>> examples = load_poses("examples/")  # doctest: +SKIP
+    >>> spotter = Spotter(examples, labels)  # doctest: +SKIP
+    >>> for event in spotter.spot(recording):  # doctest: +SKIP
+    ...     print(event.label, event.start, event.end)
+    """
+
+    def __init__(
+        self,
+        poses: Sequence[PoseSequence],
+        labels: Sequence[str],
+        settings: Settings | str | None = None,
+        *,
+        names: Sequence[str] | None = None,
+        live: bool = False,
+        alive: Callable[[], None] = lambda: None,
+    ) -> None:
+        ready = settings if isinstance(settings, Settings) else load_settings(settings)
+        self.examples = SpottingExamples.fit(ready, poses, labels, names, live=live, alive=alive)
+        self._settings = ready
+        self._mean = 0.0 if live else ready.spot.mean
+        self._live: LiveSignals | None = None
+        if live:
+            self._live = LiveSignals(stream_chain(ready, 0.0), ready.spot.gap)
+        self._going: EventSearch | None = None
+        self._source = ("", 0)
+
+    def spot(self, pose: PoseSequence) -> list[Event]:
+        """The events of a whole recording of one person, by their starts.
+
+        Warns
+        -----
+        UserWarning
+            Where parts of the recording could not be searched.
+
+        Raises
+        ------
+        GestureError
+            Where no part gives signals; of the first one.
+        """
+        events, note = self.spot_with_note(pose)
+        if note:
+            warnings.warn(note, stacklevel=2)
+        return events
+
+    def spot_with_note(
+        self, pose: PoseSequence, alive: Callable[[], None] = lambda: None
+    ) -> tuple[list[Event], str]:
+        """As `spot`, with what could not be searched as a text; ``alive`` is called now and then."""
+        chain, chosen = stream_chain(self._settings, self._mean), self._settings.spot
+        found: list[Candidate] = []
+        failed: list[tuple[PoseSequence, GestureError]] = []
+        parts = list(spans(pose.as_coco18(), chosen.gap))
+        for span in parts:
+            try:
+                signals = chain(span)
+            except GestureError as error:
+                failed.append((span, error))
+                continue
+            found += self.search(signals, span, chosen.patience, alive=alive)
+        if failed and len(failed) == len(parts):
+            raise failed[0][1]
+        events = merged(found, self.examples.held.tolist(), chosen.merge)
+        note = ""
+        if failed:
+            seconds = sum(float(span.times[-1] - span.times[0]) for span, _ in failed)
+            note = (
+                f"{len(failed)} of {len(parts)} parts in which the person is seen, {seconds:.1f} s together, "
+                f"could not be searched: {failed[0][1].code}"
+            )
+        return [self._event(one, pose.source, pose.person) for one in events], note
+
+    def search(
+        self,
+        signals: Signals,
+        pose: PoseSequence,
+        patience: float | None = None,
+        block: int = BLOCK,
+        alive: Callable[[], None] = lambda: None,
+    ) -> list[Candidate]:
+        """The events in ``signals``, which were made of ``pose``, in blocks of ``block`` frames."""
+        assert signals.present is not None
+        search = EventSearch(self.examples, signals.present, patience, lambda some: self._judged(some, pose))
+        found: list[Candidate] = []
+        for start in range(0, len(signals), block):
+            part = slice(start, start + block)
+            found += search.push(signals.values[part], signals.times[part])
+            alive()
+        return found + search.finish()
+
+    def push(self, pose: PoseSequence) -> list[Event]:
+        """Take the next frames of a stream; the events that have become certain.
+
+        Raises
+        ------
+        InputError
+            Where the spotter was not made with ``live=True``.
+        """
+        if self._live is None:
+            raise InputError(
+                "this spotter is for recordings", remedy="Spotter(…, live=True)", code="E_OPTION"
+            )
+        self._source = (pose.source, pose.person)
+        patience = self._settings.spot.patience
+        patience = LIVE_PATIENCE if patience is None else patience
+        found: list[Candidate] = []
+        recent = self._live
+        for part in self._live.push(pose.as_coco18()):
+            if part is None:  # the person was lost
+                found += self._going.finish() if self._going else []
+                self._going = None
+                continue
+            if self._going is None:
+                assert part.present is not None
+                self._going = EventSearch(
+                    self.examples, part.present, patience, lambda some: self._judged(some, recent.pose)
+                )
+            found += self._going.push(part.values, part.times)
+        return [self._event(one, *self._source) for one in found]
+
+    def finish(self) -> list[Event]:
+        """The events that were still waiting when the stream ended; the next `push` begins another one."""
+        found = self._going.finish() if self._going else []
+        self._going = None
+        if self._live is not None:
+            self._live.clear()
+        return [self._event(one, *self._source) for one in found]
+
+    def _judged(self, candidates: Sequence[Candidate], pose: PoseSequence) -> list[Candidate]:
+        """The candidates whose cut the classifier gives the same label, with its margin in their ranks."""
+        recognizer: Recognizer | None = self.examples.recognizer
+        if recognizer is None:
+            return list(candidates)
+        cuts = []
+        for one in candidates:
+            start = int(np.searchsorted(pose.times, one.start - 1e-9))
+            stop = max(int(np.searchsorted(pose.times, one.end + 1e-9, side="right")), start + _SHORTEST)
+            cut = slice(start, stop)
+            cuts.append(
+                replace(pose, keypoints=pose.keypoints[cut], scores=pose.scores[cut], times=pose.times[cut])
+            )
+        kept = []
+        for one, prediction in zip(candidates, recognizer.predictions(cuts), strict=True):
+            if prediction.label == self.examples.classes[one.code]:
+                kept.append(replace(one, rank=one.distance - (prediction.margin or 0.0)))
+        return kept
+
+    def _event(self, one: Candidate, source: str, person: int) -> Event:
+        threshold = float(self.examples.thresholds[one.code])
+        return Event(
+            source,
+            person,
+            one.start,
+            one.end,
+            self.examples.classes[one.code],
+            max(0.0, 1 - one.distance / threshold) if threshold > 0 else 0.0,
+            one.distance,
+            self.examples.names[one.example],
+        )

@@ -1,0 +1,104 @@
+"""Folders with one ``.npy`` a frame, numbered: ``hello/0/12.npy`` holds the landmarks of one frame."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from gesture_core.errors import KeypointError
+from gesture_core.files import printable
+from gesture_core.plugin.reading import ReadOptions
+from gesture_core.types import PoseSequence
+from gesture_pose_files.files import open_keypoints
+from gesture_pose_files.layout import check_seconds, sequence
+from gesture_pose_files.npy import MAX_FILE_BYTES, read_array, read_header
+from gesture_pose_files.numbering import clip_in, clips_in, some_files
+from gesture_pose_files.whole_body import is_one_frame, people_in
+
+_LOOKED_AT = 3
+
+
+@dataclass(frozen=True)
+class ArrayFramesReader:
+    """Reads a folder of numbered ``.npy``, each the joints of one frame: (J, 2|3|4), or a flat row of them.
+
+    A file that cannot be read, or has another shape than most, costs its frame.
+
+    Attributes
+    ----------
+    options : ReadOptions
+        What the files leave open; a frame's time is its number over the rate.
+    """
+
+    options: ReadOptions = field(default_factory=ReadOptions)
+
+    def accepts(self, path: Path) -> bool:
+        """Whether ``path`` is a folder with a numbered ``.npy`` that is one frame, and no sequence."""
+        return any(map(self._is_frame, some_files(path, ".npy", _LOOKED_AT)))
+
+    def _is_frame(self, file: Path) -> bool:
+        try:
+            with open_keypoints(file, MAX_FILE_BYTES) as opened:
+                shape, _, _ = read_header(opened, printable(file))
+        except KeypointError:
+            return False
+        return is_one_frame(shape, self.options)
+
+    def members(self, path: Path) -> list[str]:
+        """Names of the sequences in the folder; ``[""]`` where there is only one."""
+        names = list(clips_in(path, ".npy"))
+        return names if len(names) > 1 else [""]
+
+    def read(self, path: Path, member: str = "") -> list[PoseSequence]:
+        """The person in one sequence.
+
+        Raises
+        ------
+        KeypointError
+            `E_KEYPOINTS_MEMBER`, `E_KEYPOINTS_EMPTY`, `E_KEYPOINTS_TIMES`, `E_KEYPOINTS_LIMIT`, those of the
+            first frame where none can be read, and those of `layout.sequence`.
+        """
+        source = printable(path) + (f"::{member}" if member else "")
+        clip = clip_in(path, member, ".npy", "0.npy, 1.npy, …")
+        numbers = np.array([number for number, _ in clip], np.float64)
+        check_seconds(
+            numbers / self.options.rate,
+            source,
+            remedy="frame numbers that count frames, or --set keypoints.fps=…",
+        )
+        frames, lost = _frames([file for _, file in clip])
+        (array, *_), notes = people_in(frames, self.options, source)
+        one = sequence(
+            array, self.options, source=source, reader="array-frames", numbers=numbers, notes=notes
+        )
+        if not lost:
+            return [one]
+        cause = f"{len(lost)} of {len(numbers)} frames cannot be read: {lost[0].subject}: {lost[0].cause}"
+        return [replace(one, provenance={**one.provenance, "lost": cause})]
+
+
+def _frames(files: list[Path]) -> tuple[np.ndarray, list[KeypointError]]:
+    """The frames, NaN where they cannot be read, and why."""
+    arrays: list[np.ndarray | None] = []
+    lost: list[KeypointError] = []
+    for file in files:
+        try:
+            with open_keypoints(file, MAX_FILE_BYTES) as opened:
+                arrays.append(read_array(opened, printable(file)).astype(np.float64))
+        except KeypointError as error:
+            lost.append(KeypointError(error.cause, subject=error.subject, code=error.code))
+            arrays.append(None)
+    shapes = Counter(array.shape for array in arrays if array is not None)
+    if not shapes:
+        raise lost[0]
+    shape = shapes.most_common(1)[0][0]
+    for index, array in enumerate(arrays):
+        if array is not None and array.shape != shape:
+            cause = f"has the shape {array.shape}, others have {shape}"
+            lost.append(KeypointError(cause, subject=printable(files[index]), code="E_KEYPOINTS_SHAPE"))
+            arrays[index] = None
+    blank = np.full(shape, np.nan)
+    return np.stack([blank if array is None else array for array in arrays]), lost

@@ -1,0 +1,209 @@
+"""Names of joints in the wild, and skeletons that are a part of what is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tables import COCO17, COCO18, FRAMES, flat, named, person, read, refused, same, save
+
+from gesture_core.joint_names import joint_named
+from gesture_core.skeletons import BLAZEPOSE33, SKELETONS, Skeleton
+
+UPPER = ("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist")
+
+
+def camel(joint: str) -> str:
+    first, *rest = joint.split("_")
+    return first + "".join(word.title() for word in rest)
+
+
+def side_last(joint: str) -> str:
+    side, _, part = joint.partition("_")
+    return f"{part}_{side[0]}" if side in ("left", "right") else joint
+
+
+def initial(joint: str) -> str:
+    side, _, part = joint.partition("_")
+    return f"{side[0].upper()}{part.title()}" if side in ("left", "right") else joint.title()
+
+
+SPELLINGS: dict[str, Callable[[str], str]] = {
+    "ours": lambda joint: joint,
+    "LShoulder": initial,
+    "shoulder_l": side_last,
+    "L_SHOULDER": lambda joint: joint.replace("left_", "l_").replace("right_", "r_").upper(),
+    "leftShoulder": camel,
+    "Left Shoulder": lambda joint: joint.replace("_", " ").title(),
+    "left-shoulder": lambda joint: joint.replace("_", "-"),
+    "LEFT_SHOULDER": str.upper,
+    "lshoulder": lambda joint: joint.replace("left_", "l").replace("right_", "r"),
+    "shoulderLeft": lambda joint: camel("_".join(joint.split("_")[::-1])),
+}
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+@pytest.mark.parametrize("body", SKELETONS.values(), ids=lambda body: body.name)
+def test_every_joint_is_known_in_every_spelling(spelling: str, body: Skeleton) -> None:
+    for joint in body.joints:
+        if spelling in ("lshoulder", "shoulderLeft", "shoulder_l", "LShoulder") and (
+            joint.count("_") > 1 or not joint.startswith(("left_", "right_"))
+        ):
+            continue  # of two words, or without a side
+        assert joint_named(SPELLINGS[spelling](joint)) == joint
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+@pytest.mark.parametrize("suffix", ["{}_{}", "{}.{}", "{} {}", "{}-{}"])
+@pytest.mark.parametrize("upper", [False, True])
+def test_columns_in_every_spelling(tmp_path: Path, spelling: str, suffix: str, upper: bool) -> None:
+    points = person(COCO17.joints)
+    axes = "XY" if upper else "xy"
+    header = [suffix.format(SPELLINGS[spelling](joint), axis) for joint in COCO17.joints for axis in axes]
+    (pose,) = read(save(tmp_path / "k.csv", header, flat(points)))
+    assert pose.skeleton == "coco17" and "notes" not in pose.provenance
+    same(pose, points, COCO17.joints)
+    assert np.isfinite(pose.as_coco18().keypoints[:, COCO18.index("neck")]).all()
+    assert pose.provenance["assumed"] == "unit=pixels, fps=30"
+
+
+@pytest.mark.parametrize(
+    "score", ["score", "confidence", "conf", "likelihood", "visibility", "c", "v", "prob", "Likelihood"]
+)
+def test_scores_by_every_name(tmp_path: Path, score: str) -> None:
+    header = [f"{joint}_{part}" for joint in UPPER for part in ("x", "y", score)]
+    points = person(UPPER)
+    rows = np.concatenate([points, np.full((FRAMES, len(UPPER), 1), 0.25)], axis=2).reshape(FRAMES, -1)
+    text = ",".join(header) + "\n" + "\n".join(",".join(map(str, row)) for row in rows)
+    (tmp_path / "k.csv").write_text(text)
+    (pose,) = read(tmp_path / "k.csv")
+    np.testing.assert_allclose(pose.scores[:, COCO18.index("left_wrist")], 0.25)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ([joint for joint in COCO17.joints for _ in "xy"], ["x", "y"] * 17),
+        ([cell for joint in COCO17.joints for cell in (joint, "")], ["x", "y"] * 17),
+        (["x", "y"] * 17, [joint for joint in COCO17.joints for _ in "xy"]),
+    ],
+    ids=["repeated", "spanning", "turned"],
+)
+def test_two_rows_of_names(tmp_path: Path, first: list[str], second: list[str]) -> None:
+    points = person(COCO17.joints)
+    (pose,) = read(save(tmp_path / "k.csv", first, [second, *flat(points)]))
+    assert pose.skeleton == "coco17" and len(pose) == FRAMES
+    same(pose, points, COCO17.joints)
+
+
+def test_three_rows_of_names_of_which_one_tells_nothing(tmp_path: Path) -> None:
+    points = person(UPPER)
+    head = [
+        ["model", *["net"] * 12],
+        ["joint", *[j for j in UPPER for _ in "xy"]],
+        ["coords", *["x", "y"] * 6],
+    ]
+    rows = [[number, *row] for number, row in enumerate(flat(points))]
+    (pose,) = read(save(tmp_path / "k.csv", head[0], [*head[1:], *rows]))
+    same(pose, points, UPPER)
+
+
+SUBSETS = {
+    "upper body": (UPPER, "ankles"),
+    "one arm": (("left_shoulder", "right_shoulder", "right_elbow", "right_wrist"), "left wrist"),
+    "neck and hips": (("neck", "right_wrist", "right_elbow", "left_hip", "right_hip"), "shoulders"),
+}
+
+
+@pytest.mark.parametrize("kind", SUBSETS)
+def test_a_part_of_a_skeleton_is_enough_and_the_rest_is_named(tmp_path: Path, kind: str) -> None:
+    joints, lacking = SUBSETS[kind]
+    points = person(joints)
+    (pose,) = read(save(tmp_path / "k.csv", named(joints), flat(points)))
+    same(pose, points, joints)
+    found = pose.as_coco18().seen[:, COCO18.index("neck")]
+    assert found.all() and "not in the file and not compared: nose" in pose.provenance["notes"]
+    assert lacking in pose.provenance["notes"]
+    assert not pose.as_coco18().seen[:, COCO18.index("left_ankle")].any()
+
+
+def test_hips_and_hands_stand_in(tmp_path: Path) -> None:
+    joints = ("left_shoulder", "right_shoulder", "left_wrist", "right_wrist", "left_hip")
+    points = person(joints)
+    header = named(("LShoulder", "RShoulder", "LHand", "RHand", "pelvis"))
+    (pose,) = read(save(tmp_path / "k.csv", header, flat(points)))
+    same(pose, points, joints)
+    same(pose, points[:, [4]], ("right_hip",))
+
+
+def test_joints_without_an_origin_are_refused(tmp_path: Path) -> None:
+    error = refused(save(tmp_path / "k.csv", named(("left_wrist", "right_wrist")), [[1, 2, 3, 4]]))
+    assert error.code == "E_KEYPOINTS_SKELETON" and "neither a neck nor both shoulders" in error.cause
+
+
+@pytest.mark.parametrize("form", ["{1}_{0}", "{1}{0}", "{0}_{1}", "kp{0}_{1}", "{1}.{0}", "keypoint_{0}_{1}"])
+@pytest.mark.parametrize("start", [0, 1])
+def test_numbered_joints(tmp_path: Path, form: str, start: int) -> None:
+    points = person(COCO17.joints)
+    header = [form.format(number + start, axis) for number in range(17) for axis in "xy"]
+    (pose,) = read(
+        save(tmp_path / "k.csv", ["frame", *header], [[f, *r] for f, r in enumerate(flat(points))])
+    )
+    assert pose.skeleton == "coco17"
+    same(pose, points, COCO17.joints)
+    assert pose.provenance["assumed"] == "order=coco17, unit=pixels, fps=30"
+
+
+def test_numbered_joints_of_no_known_number_need_an_order(tmp_path: Path) -> None:
+    points = person(UPPER)
+    header = [f"x{n}" for n in range(6)] + [f"y{n}" for n in range(6)]
+    rows = [[*row[::2], *row[1::2]] for row in flat(points)]
+    path = save(tmp_path / "k.csv", header, rows)
+    assert "keypoints.order" in refused(path).remedy
+    (pose,) = read(path, order=UPPER)
+    same(pose, points, UPPER)
+    (bare,) = read(save(tmp_path / "b.csv", None, flat(points)), order=UPPER)
+    same(bare, points, UPPER)
+
+
+def test_landmarks_with_depth_and_visibility(tmp_path: Path) -> None:
+    header = [f"{axis}{n}" for n in range(1, 34) for axis in "xyzv"]
+    rows = np.random.default_rng(0).uniform(0.2, 0.8, (FRAMES, 132))
+    text = ",".join(header) + "\n" + "\n".join(",".join(map(str, row)) for row in rows)
+    (tmp_path / "k.csv").write_text(text)
+    (pose,) = read(tmp_path / "k.csv")
+    assert pose.skeleton == "blazepose33" and "depth (z)" in pose.provenance["notes"]
+    np.testing.assert_allclose(pose.scores, rows.reshape(FRAMES, 33, 4)[..., 3], rtol=1e-5)
+    names = [
+        f"{joint.upper()}_{part}" for joint in BLAZEPOSE33.joints for part in ("x", "y", "z", "visibility")
+    ]
+    names = [name.replace("LEFT_MOUTH", "MOUTH_LEFT").replace("RIGHT_MOUTH", "MOUTH_RIGHT") for name in names]
+    (tmp_path / "n.csv").write_text(text.replace(",".join(header), ",".join(names)))
+    np.testing.assert_array_equal(read(tmp_path / "n.csv")[0].keypoints, pose.keypoints)
+
+
+@pytest.mark.parametrize("labels", ["names", "numbers"])
+@pytest.mark.parametrize("people", [False, True])
+def test_a_row_for_each_joint(tmp_path: Path, labels: str, people: bool) -> None:
+    points = person(COCO17.joints)
+    rows = [
+        [f, *([p] if people else []), joint if labels == "names" else n, *(points[f, n] + 200 * p), 0.5]
+        for f in range(FRAMES)
+        for p in range(1 + people)
+        for n, joint in enumerate(COCO17.joints)
+    ]
+    header = ["frame", *(["person"] if people else []), "keypoint", "x", "y", "confidence"]
+    path = tmp_path / "k.csv"
+    path.write_text("\n".join(",".join(map(str, row)) for row in [header, *rows]))
+    found = read(path, "multi")
+    assert len(found) == 1 + people
+    same(found[0], points, COCO17.joints)
+    assert found[0].skeleton == "coco17" and (found[0].scores == 0.5).all()
+
+
+def test_a_row_for_each_joint_of_two_people_needs_a_column(tmp_path: Path) -> None:
+    rows = [[f, j, 10 * n + p, 5] for f in range(3) for p in (0, 50) for n, j in enumerate(UPPER)]
+    error = refused(save(tmp_path / "k.csv", ["frame", "joint", "x", "y"], rows))
+    assert "twice" in error.cause and "person" in error.remedy

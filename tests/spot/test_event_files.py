@@ -1,0 +1,112 @@
+"""Events as files of other programs, and annotations read back."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.report.event_files import tiers, write_event_files
+from gesture_core.run.annotations import read_annotations
+from gesture_core.types import Row
+
+ROWS = [
+    Row("a/one.mp4", label="wave", status="ok", start=1.0, end=2.5, score=0.5, event=1, seconds=60),
+    Row("a/one.mp4", label="clap", status="ok", start=2.2, end=3.25, score=0.25, event=2, seconds=60),
+    Row(
+        "a/one.mp4",
+        label="a <b> & -->",
+        status="ok",
+        start=4,
+        end=5,
+        score=0.1,
+        person=1,
+        event=1,
+        seconds=60,
+    ),
+    Row("b/one.mp4", label="wave", status="ok", start=3661.0, end=3662.0, score=0.9, event=1, seconds=4000),
+    Row("c/none.mp4", status="rejected", code="E_NO_EVENT", seconds=10),
+]
+
+
+@pytest.mark.parametrize("format", ["eaf", "vtt"])
+def test_a_file_for_each_input_that_is_read_back(format: str, tmp_path: Path) -> None:
+    pytest.importorskip({"eaf": "pympi", "vtt": "webvtt"}[format])
+    written = write_event_files(ROWS, format, tmp_path / "out")
+    assert [path.name for path in written] == [f"one.{format}", f"one-2.{format}", f"none.{format}"]
+    marks = list(read_annotations(written[0], ROWS[:3]))
+    said = [row.label if format == "eaf" else f"person {row.person}: {row.label}" for row in ROWS[:3]]
+    assert sorted((m.start, m.end, m.label) for m in marks) == [
+        (row.start, row.end, label) for row, label in zip(ROWS[:3], said, strict=True)
+    ]
+    assert list(read_annotations(written[2], ROWS)) == []
+
+
+def test_elan_has_a_tier_for_each_person_and_for_what_overlaps() -> None:
+    found = tiers(ROWS[:3])
+    assert {name: [row.label for row in rows] for name, rows in found.items()} == {
+        "person 0": ["wave"],
+        "person 0 (2)": ["clap"],
+        "person 1": ["a <b> & -->"],
+    }
+
+
+def test_subrip_and_activitynet(tmp_path: Path) -> None:
+    written = write_event_files(ROWS, "srt", tmp_path)
+    assert written[1].read_text("utf-8") == "1\n01:01:01,000 --> 01:01:02,000\nwave\n"
+    (path,) = write_event_files(ROWS, "activitynet", tmp_path / "events.json")
+    results = json.loads(path.read_text("utf-8"))["results"]
+    assert results["b/one.mp4"] == [{"label": "wave", "segment": [3661.0, 3662.0], "score": 0.9}]
+    assert results["c/none.mp4"] == []
+
+
+def test_a_run_without_events_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(GestureError, match="gesture spot"):
+        write_event_files([Row("a.mp4", label="wave", status="ok")], "srt", tmp_path)
+
+
+def test_annotations_in_a_table(tmp_path: Path) -> None:
+    table = tmp_path / "marks.csv"
+    table.write_text("path,start,end,label\na/one.mp4,1,2,wave\nnone,3,,clap\n", "utf-8")
+    marks = list(read_annotations(table, ROWS))
+    assert [(m.input, m.start, m.end, m.label) for m in marks] == [
+        ("a/one.mp4", 1, 2, "wave"),
+        ("c/none.mp4", 3, 3, "clap"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "cause"),
+    [
+        ("path,start,end,label\nelse,1,2,wave\n", "no input of the run"),
+        ("path,start,end,label\none,1,2,wave\n", "may be"),
+        ("path,start,end,label\nnone,soon,2,wave\n", "line 2"),
+        ("path,start,end,label\nnone,3,2,wave\n", "line 2"),
+        ("path,begin,label\nnone,3,wave\n", "columns"),
+    ],
+)
+def test_annotations_that_cannot_be_used_are_refused(text: str, cause: str, tmp_path: Path) -> None:
+    table = tmp_path / "marks.csv"
+    table.write_text(text, "utf-8")
+    with pytest.raises((InputError, ConfigError), match=cause):
+        list(read_annotations(table, ROWS))
+
+
+def test_one_recording_marked_in_two_files_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("pympi")
+    pytest.importorskip("webvtt")
+    for format in ("eaf", "vtt"):
+        write_event_files(ROWS[3:], format, tmp_path)
+    with pytest.raises(ConfigError, match="two files"):
+        list(read_annotations(tmp_path, ROWS[3:]))
+
+
+@pytest.mark.parametrize("name", ["none.eaf", "none.vtt"])
+def test_files_of_another_kind_are_refused(name: str, tmp_path: Path) -> None:
+    pytest.importorskip("pympi")
+    pytest.importorskip("webvtt")
+    (tmp_path / name).write_text("no such thing", "utf-8")
+    with pytest.raises(InputError, match="is no"):
+        list(read_annotations(tmp_path, ROWS))
