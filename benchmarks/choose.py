@@ -31,7 +31,7 @@ from choose_tests import tested
 from datasets import Item, arguments, body_gesture, pose_trainer, utd_openpose, utd_skeleton
 from videos import with_videos
 
-from gesture_core.classify.comparison import common_sum, compare
+from gesture_core.classify.comparison import Extents, common_sum, compare
 from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.signals.mirror import mirrored
@@ -264,7 +264,7 @@ def load(name: str, read: Callable[[], list[Item]], kernel: str, folder: Path | 
         for tail, series in (("", signals), ("_other", [mirrored(s) for s in signals])):
             distances = compare(signals, series, modern)
             found["other" if tail else "same"].append(np.where(np.isfinite(distances), distances, 0.0))
-            found["common" + tail].append(common_sum(signals, series, squares, 1.0))
+            found["common" + tail].append(common_sum(Extents.of(signals), Extents.of(series), squares, 1.0))
         found["sizes"].append(squares.sum(axis=1))
     frames = np.array([len(s) for s in signals])
     arrays = {key: np.array(values, np.float32) for key, values in found.items()}

@@ -11,13 +11,17 @@ import os
 import re
 import secrets
 import stat as modes
-from collections.abc import Callable, Iterator
+import zlib
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
-from gesture_core.errors import GestureError
+from gesture_core.errors import GestureError, InputError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 TEMPORARY = ".tmp-"
 """In the name of every file that has not taken its place yet."""
@@ -36,6 +40,16 @@ def cache_dir() -> Path:
     import platformdirs
 
     return Path(platformdirs.user_cache_dir("gesture-core", appauthor=False))
+
+
+def without_cache() -> bool:
+    """Whether ``$GESTURE_NO_CACHE`` asks for work to be done again whose result is in the cache."""
+    return os.environ.get("GESTURE_NO_CACHE", "").lower() not in ("", "0", "false", "no")
+
+
+def with_tracebacks() -> bool:
+    """Whether ``$GESTURE_TRACEBACK`` asks for the places where errors were raised."""
+    return os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
 
 
 def models_dir() -> Path:
@@ -206,6 +220,40 @@ def replacing(path: Path) -> Iterator[Path]:
                 os.close(folder)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays of numbers and texts to a file in the form of ``.npz``, whatever its name."""
+    import numpy as np
+
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)
+
+
+def read_arrays(path: Path, limit: int) -> dict[str, np.ndarray]:
+    """What `write_arrays` wrote, of at most ``limit`` bytes once unpacked. Nothing is unpickled.
+
+    Raises
+    ------
+    InputError
+        ``E_NOT_FOUND``, ``E_READ``, or ``E_INPUT`` where it is no such file.
+    """
+    import zipfile
+
+    import numpy as np
+
+    with open_regular(path, limit, InputError, ("E_NOT_FOUND", "E_READ", "E_INPUT")) as file:
+        try:
+            with zipfile.ZipFile(file) as members:
+                size = sum(member.file_size for member in members.infolist())
+            if size > limit:
+                raise ValueError(f"{size} bytes, at most {limit}")
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as found:
+                return {name: found[name] for name in found.files}
+        except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
+            cause = f"is no file of arrays: {error}"
+            raise InputError(cause, subject=printable(path), code="E_INPUT") from error
 
 
 def content_sha256(path: Path, on_piece: Callable[[], None] = lambda: None) -> str:

@@ -314,8 +314,17 @@ def _matrix(item: Signals | np.ndarray, index: int, name: str) -> np.ndarray:
         )
     try:
         array = item.values if isinstance(item, Signals) else np.asarray(item)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} {index} is no array of numbers", code="E_DTYPE") from None
+    except (TypeError, ValueError, RuntimeError) as error:  # torch raises the last of these, JAX the first
+        module = type(item).__module__.partition(".")[0]
+        remedy = {"torch": "tensor.detach().cpu()", "jax": "concrete arrays, outside of jit and grad"}.get(
+            module
+        )
+        reason = f": {str(error).partition(chr(10))[0]}" if remedy else ""
+        raise InputError(
+            f"{name} {index} is no array of numbers{reason}",
+            remedy=f"{remedy}, or soft_warping with its gradients" if remedy else "",
+            code="E_DTYPE",
+        ) from None
     if array.ndim == 1:
         array = array[:, None]
     if array.ndim != 2 or 0 in array.shape:

@@ -13,24 +13,45 @@ cosine between vectors.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from gesture_core.dtw.spec import DtwSpec
+from gesture_core.classify.known import KnownDistances, mark_of
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.settings import Settings
 from gesture_core.signals.mirror import mirrored
-from gesture_core.types import Signals
+from gesture_core.types import SignalBatch, Signals
 
 Series = Signals | np.ndarray
+_CHOICES = 4
+"""Choices of examples that stay prepared: those that some queries still have to be compared with."""
 _SIDE_OR_AXIS = re.compile(r"^(right|left)_|_[xy](?=[.@]|$)")
 
 
 def compare(queries: Sequence[Series], examples: Sequence[Series], settings: Settings) -> np.ndarray:
-    """Distances between every query and every example under ``settings``.
+    """Distances between every query and every example under ``settings``; see `Comparison`.
+
+    Parameters
+    ----------
+    queries, examples : sequences of Signals or (T, D) arrays
+    settings : Settings
+
+    Returns
+    -------
+    (Q, N) float array
+        Infinity where a pair has no dimension in common.
+    """
+    check_settings(settings)
+    if not queries or not examples:
+        return np.empty((len(queries), len(examples)))
+    return Comparison(examples, settings).distances(queries)
+
+
+class Comparison:
+    """Examples, prepared once, to be compared with queries under ``settings``.
 
     With ``classify.mirror`` set, each example also stands for the same movement made with the other
     hand; the distance to that reading is multiplied by the factor, and the smaller one counts. With
@@ -39,14 +60,11 @@ def compare(queries: Sequence[Series], examples: Sequence[Series], settings: Set
 
     Parameters
     ----------
-    queries, examples : sequences of Signals or (T, D) arrays
+    examples : sequence of Signals or (T, D) arrays, at least one
         Arrays have no channel names; they are warped as they are, all channels together.
     settings : Settings
-
-    Returns
-    -------
-    (Q, N) float array
-        Infinity where a pair has no dimension in common.
+    known : KnownDistances, optional
+        Pairs that need not be compared again; it learns those that are.
 
     Raises
     ------
@@ -56,36 +74,71 @@ def compare(queries: Sequence[Series], examples: Sequence[Series], settings: Set
         For a mixture of arrays and Signals, whose distances have different units, or of different
         channels.
     """
-    from gesture_core.dtw.distances import warping_distances
 
-    check_settings(settings)
-    if not queries or not examples:
-        return np.empty((len(queries), len(examples)))
-    check_alike(examples, "example")
-    check_alike(queries, "query", examples[0])
-    chosen = settings.classify
-    warp = partial(warping_distances, kernel=chosen.kernel, options=settings.options)
-    if not isinstance(examples[0], Signals):
-        return warp(queries, examples, settings.dtw)
-    own, others = comparable(queries, settings), comparable(examples, settings)
-    readings = [(others, 1.0)]
-    if chosen.mirror is not None:
-        readings.append(([mirrored(item) for item in others], chosen.mirror))
-    distances = np.full((len(own), len(others)), np.inf)
-    for series, factor in readings:
-        if takes_parts(settings):
-            found = _part_distances(own, series, settings.dtw, warp)
-        else:
-            found = warp(own, series, settings.dtw)
-        if chosen.coverage or chosen.relative is not None:
-            found = divided(found, pair_divisors(own, series, settings))
-        distances = np.minimum(distances, factor * found)
-    if settings.signals.still == "posture":
-        # A person who stands still makes no gesture, so only still examples fit.
-        still = np.array([is_still(item) for item in queries])
-        moving = np.array([not is_still(item) for item in examples])
-        distances = np.where(still[:, None] & moving, np.inf, distances)
-    return distances
+    def __init__(
+        self, examples: Sequence[Series], settings: Settings, known: KnownDistances | None = None
+    ) -> None:
+        check_settings(settings)
+        check_alike(examples, "example")
+        self._examples, self._settings = examples, settings
+        self._known = known if isinstance(examples[0], Signals) else None
+        self._marks = (
+            [] if self._known is None else [mark_of(item) for item in examples if isinstance(item, Signals)]
+        )
+        self._made: dict[bytes, list[_Reading]] = {}
+
+    def distances(self, queries: Sequence[Series]) -> np.ndarray:
+        """(Q, N) distances; infinity where a pair has no dimension in common."""
+        check_alike(queries, "query", self._examples[0])
+        if self._known is None:
+            return self._computed(queries, np.arange(len(self._examples)))
+        marks = [mark_of(item) for item in queries if isinstance(item, Signals)]
+        found = self._known.find(marks, self._marks)
+        unknown = np.isnan(found)
+        patterns, which = np.unique(unknown, axis=0, return_inverse=True)
+        for number, pattern in enumerate(patterns):
+            rows, columns = np.flatnonzero(which.reshape(-1) == number), np.flatnonzero(pattern)
+            if len(columns):
+                found[np.ix_(rows, columns)] = self._computed([queries[i] for i in rows.tolist()], columns)
+        if unknown.any():
+            self._known.learn(marks, self._marks, found)
+        return found
+
+    def _computed(self, queries: Sequence[Series], columns: np.ndarray) -> np.ndarray:
+        """(Q, M) distances to the examples at ``columns``."""
+        from gesture_core.dtw.distances import warping_distances
+
+        settings, examples = self._settings, [self._examples[i] for i in columns]
+        chosen = settings.classify
+        if not isinstance(examples[0], Signals):
+            return warping_distances(queries, examples, settings.dtw, chosen.kernel, settings.options)
+        own = comparable(queries, settings)
+        batch, extents = SignalBatch.of(own, name="query"), Extents.of(own)
+        distances = np.full((len(own), len(examples)), np.inf)
+        for reading in self._readings(columns):
+            found = reading.warped(batch, extents)
+            if chosen.coverage or chosen.relative is not None:
+                found = divided(found, pair_divisors(extents, reading.extents, settings))
+            distances = np.minimum(distances, reading.factor * found)
+        if settings.signals.still == "posture":
+            # A person who stands still makes no gesture, so only still examples fit.
+            still = np.array([is_still(item) for item in queries])
+            moving = np.array([not is_still(item) for item in examples])
+            distances = np.where(still[:, None] & moving, np.inf, distances)
+        return distances
+
+    def _readings(self, columns: np.ndarray) -> list[_Reading]:
+        """What the examples at ``columns`` stand for, made once for each choice of columns."""
+        if columns.tobytes() not in self._made:
+            others = comparable([self._examples[i] for i in columns], self._settings)
+            factor = self._settings.classify.mirror
+            readings = [_Reading(others, 1.0, self._settings)]
+            if factor is not None:
+                readings.append(_Reading([mirrored(item) for item in others], factor, self._settings))
+            if len(self._made) == _CHOICES:
+                self._made.clear()
+            self._made[columns.tobytes()] = readings
+        return self._made[columns.tobytes()]
 
 
 def check_settings(settings: Settings) -> None:
@@ -170,43 +223,63 @@ def parts(channels: Sequence[str]) -> dict[str, list[int]]:
     return places
 
 
-def _part_distances(
-    queries: Sequence[Signals],
-    examples: Sequence[Signals],
-    spec: DtwSpec,
-    warp: Callable[[Sequence[Signals], Sequence[Signals], DtwSpec], np.ndarray],
-) -> np.ndarray:
-    """(Q, N) sum of one warping for each body part: legs need not keep the time of the hands.
+class _Reading:
+    """What some examples stand for, as they are or mirrored, prepared for the kernel."""
 
-    Infinity where a pair has no channel in common; a part that one of the two lacks adds nothing.
-    With ``reduce="mean"`` the sum is divided by the number of common channels.
-    """
-    from gesture_core.dtw.batches import check_weights
+    def __init__(self, series: Sequence[Signals], factor: float, settings: Settings) -> None:
+        from gesture_core.dtw.distances import choose_kernel
 
-    channels = queries[0].channels
-    check_weights(spec, len(channels))
-    total = np.zeros((len(queries), len(examples)))
-    found = np.zeros(total.shape, bool)
-    for part in parts(channels).values():
-        weights = None if spec.weights is None else tuple(spec.weights[i] for i in part)
-        own = spec.replace(weights=weights, reduce="sum")
-        distances = warp(_take(queries, part), _take(examples, part), own)
-        finite = np.isfinite(distances)
-        total += np.where(finite, distances, 0)
-        found |= finite
-    if spec.reduce == "mean":
-        total /= np.maximum(common_sum(queries, examples, 1.0, 1.0), 1)
-    return np.where(found, total, np.inf)
+        self.factor, self.extents = factor, Extents.of(series)
+        self._spec, self._batch = settings.dtw, SignalBatch.of(series, name="example")
+        self._name, self._kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)
+        self._states: list[tuple[list[int], Any]] = []
+        self._channels = series[0].channels
+        self._separate = takes_parts(settings)
+
+    def warped(self, queries: SignalBatch, extents: Extents) -> np.ndarray:
+        """(Q, N) warping distances, infinite where a pair has no channel in common.
+
+        Of body parts that are warped separately the sum: legs need not keep the time of the hands. A part
+        that one of the two lacks adds nothing. With ``reduce="mean"`` the sum is divided by the number of
+        common channels.
+        """
+        from gesture_core.dtw.batches import check_batches
+        from gesture_core.dtw.distances import check_distances
+
+        check_batches(queries, self._batch, self._spec, bare=False)
+        total = np.zeros((len(queries), len(self._batch)))
+        met = np.zeros(total.shape, bool)
+        for part, state in self._prepared():
+            asked, examples = _channels(queries, part), _channels(self._batch, part)
+            found = check_distances(
+                np.asarray(self._kernel.distances(state, asked)), asked, examples, self._name
+            )
+            if not self._separate:
+                return found
+            finite = np.isfinite(found)
+            total += np.where(finite, found, 0)
+            met |= finite
+        if self._spec.reduce == "mean":
+            total /= np.maximum(common_sum(extents, self.extents, 1.0, 1.0), 1)
+        return np.where(met, total, np.inf)
+
+    def _prepared(self) -> list[tuple[list[int], Any]]:
+        """The channels of each warping, and what the kernel keeps of the examples for it."""
+        if not self._states:
+            every, spec = list(range(len(self._channels))), self._spec
+            for part in parts(self._channels).values() if self._separate else [every]:
+                weights = None if spec.weights is None else tuple(spec.weights[i] for i in part)
+                own = spec.replace(weights=weights, reduce="sum") if self._separate else spec
+                self._states.append((part, self._kernel.prepare(_channels(self._batch, part), own)))
+        return self._states
 
 
-def _take(series: Sequence[Signals], part: list[int]) -> list[Signals]:
-    """The channels of one part of every sequence."""
-    names = tuple(series[0].channels[i] for i in part)
-    out = []
-    for item in series:
-        mask, present = np.asarray(item.mask)[part], np.asarray(item.present)[part]
-        out.append(replace(item, values=item.values[:, part], channels=names, mask=mask, present=present))
-    return out
+def _channels(batch: SignalBatch, part: list[int]) -> SignalBatch:
+    """Some channels of every series."""
+    values, masks, present = (
+        np.ascontiguousarray(array[..., part]) for array in (batch.values, batch.masks, batch.present)
+    )
+    return SignalBatch(values, batch.lengths, masks, present)
 
 
 def divided(distances: np.ndarray, by: np.ndarray) -> np.ndarray:
@@ -216,7 +289,37 @@ def divided(distances: np.ndarray, by: np.ndarray) -> np.ndarray:
     return out
 
 
-def pair_divisors(queries: Sequence[Signals], examples: Sequence[Signals], settings: Settings) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class Extents:
+    """What decides how two sequences are divided.
+
+    Attributes
+    ----------
+    present, salient : (B, D) float64
+        0 or 1; what is salient is present.
+    squares : (B, D) float64
+        Sums of squares over the frames.
+    frames : (B,) float64
+    """
+
+    present: np.ndarray
+    salient: np.ndarray
+    squares: np.ndarray
+    frames: np.ndarray
+
+    @classmethod
+    def of(cls, series: Sequence[Signals]) -> Extents:
+        """Those of ``series``, which have the same channels."""
+        present = np.array([item.present for item in series], bool)
+        masks = np.array([item.mask for item in series], bool)
+        squares = [np.einsum("td,td->d", item.values, item.values, dtype=np.float64) for item in series]
+        frames = np.fromiter(map(len, series), np.float64)
+        return cls(
+            present.astype(np.float64), (masks & present).astype(np.float64), np.array(squares), frames
+        )
+
+
+def pair_divisors(queries: Extents, examples: Extents, settings: Settings) -> np.ndarray:
     """(Q, N) what the warping distance of each pair is divided by; zero where it means nothing.
 
     With ``classify.coverage``, the share of the pair's salient channels that both have. With
@@ -224,15 +327,14 @@ def pair_divisors(queries: Sequence[Signals], examples: Sequence[Signals], setti
     """
     chosen = settings.classify
     if chosen.relative is None:
-        return common_share(queries, examples) if chosen.coverage else np.ones((len(queries), len(examples)))
+        alike = np.ones((len(queries.frames), len(examples.frames)))
+        return common_share(queries, examples) if chosen.coverage else alike
     sizes, shares = pair_sizes(queries, examples, chosen.rest)
     divisors: np.ndarray = sizes**chosen.relative
     return divisors * shares if chosen.coverage else divisors
 
 
-def pair_sizes(
-    queries: Sequence[Signals], examples: Sequence[Signals], rest: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
+def pair_sizes(queries: Extents, examples: Extents, rest: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Geometric mean of the sizes of every pair, and the share of all that each holds in it.
 
     The size of a sequence is the sum of its squared values over frames and over the channels that
@@ -246,27 +348,21 @@ def pair_sizes(
     shares : (Q, N) float64
         ``sizes`` over the same of all channels that each of the two has, 0 to 1.
     """
-    squares_q, squares_e = _squares(queries), _squares(examples)
-    rest_q = rest * np.fromiter(map(len, queries), np.float64)
-    rest_e = rest * np.fromiter(map(len, examples), np.float64)
-    size_q = common_sum(queries, examples, squares_q, 1.0) + rest_q[:, None]
-    size_e = common_sum(queries, examples, 1.0, squares_e) + rest_e[None]
+    rest_q, rest_e = rest * queries.frames, rest * examples.frames
+    size_q = common_sum(queries, examples, queries.squares, 1.0) + rest_q[:, None]
+    size_e = common_sum(queries, examples, 1.0, examples.squares) + rest_e[None]
     # Differences of sums may fall below zero by rounding.
     sizes = np.sqrt(np.maximum(size_q, 0) * np.maximum(size_e, 0))
-    whole = np.sqrt(np.outer(squares_q.sum(axis=1) + rest_q, squares_e.sum(axis=1) + rest_e))
+    whole_q, whole_e = queries.squares.sum(axis=1) + rest_q, examples.squares.sum(axis=1) + rest_e
+    whole = np.sqrt(np.outer(whole_q, whole_e))
     shares = np.zeros_like(sizes)
     np.divide(sizes, whole, out=shares, where=whole > 0)
     return sizes, shares
 
 
-def _squares(series: Sequence[Signals]) -> np.ndarray:
-    """(B, D) sums of squares over the frames."""
-    return np.array([np.einsum("td,td->d", item.values, item.values, dtype=np.float64) for item in series])
-
-
-def common_share(queries: Sequence[Signals], examples: Sequence[Signals]) -> np.ndarray:
+def common_share(queries: Extents, examples: Extents) -> np.ndarray:
     """(Q, N) share of the salient channels of a pair that both of them have."""
-    salient_q, salient_e = _presence(queries)[1], _presence(examples)[1]
+    salient_q, salient_e = queries.salient, examples.salient
     wanted = salient_q.sum(axis=1)[:, None] + salient_e.sum(axis=1) - _products(salient_q, salient_e)
     shares = np.zeros(wanted.shape)
     np.divide(common_sum(queries, examples, 1.0, 1.0), wanted, out=shares, where=wanted > 0)
@@ -274,24 +370,17 @@ def common_share(queries: Sequence[Signals], examples: Sequence[Signals]) -> np.
 
 
 def common_sum(
-    queries: Sequence[Signals], examples: Sequence[Signals], q: np.ndarray | float, e: np.ndarray | float
+    queries: Extents, examples: Extents, q: np.ndarray | float, e: np.ndarray | float
 ) -> np.ndarray:
     """(Q, N) sum of ``q * e`` over the channels of each pair that both have.
 
     ``q`` is (Q, D) or one number, ``e`` is (N, D) or one number.
     """
-    (present_q, salient_q), (present_e, salient_e) = _presence(queries), _presence(examples)
     # Salient channels are present on their own side; counted by inclusion and exclusion.
-    either = _products(q * salient_q, e * present_e) + _products(q * present_q, e * salient_e)
-    common: np.ndarray = either - _products(q * salient_q, e * salient_e)
+    either = _products(q * queries.salient, e * examples.present)
+    either += _products(q * queries.present, e * examples.salient)
+    common: np.ndarray = either - _products(q * queries.salient, e * examples.salient)
     return common
-
-
-def _presence(series: Sequence[Signals]) -> tuple[np.ndarray, np.ndarray]:
-    """(B, D) of what is present, and of what is salient too, as 0.0 and 1.0."""
-    present = np.array([item.present for item in series], bool)
-    masks = np.array([item.mask for item in series], bool)
-    return present.astype(np.float64), (masks & present).astype(np.float64)
 
 
 def _products(q: np.ndarray, e: np.ndarray) -> np.ndarray:

@@ -104,6 +104,34 @@ def votes_of(
     return Votes(winners, own, margins)
 
 
+def scores_of(
+    distances: np.ndarray, codes: np.ndarray, classes: int, k: int = 1, weights: ExampleWeights | None = None
+) -> np.ndarray:
+    """(Q, C) score of each class, the highest that of the winner of `votes_of`; its arguments are those.
+
+    With ``weights``, the sum of what all examples add: about 1 for the right class and 0 for others.
+    Of the nearest example alone, minus the distance to the nearest one of each class. Of several, the
+    votes of a class, less d / (1 + d) of that distance. Minus infinity where no example of a class can
+    be compared with the query.
+    """
+    clean = np.where(np.isnan(distances), np.inf, distances)
+    nearest: np.ndarray = np.full((len(clean), classes), np.inf)
+    for code in range(classes):
+        nearest[:, code] = clean[:, codes == code].min(axis=1, initial=np.inf)
+    there = np.isfinite(nearest)
+    if weights is not None:
+        scores, factors = weights.scores(clean)
+        return np.where(there, scores * factors[:, None], -np.inf)
+    if k == 1:
+        return -nearest
+    near, near_by = k_nearest(clean, k), np.where(there, nearest, 0.0)
+    votes = np.zeros(nearest.shape)
+    for query, indices in enumerate(near.indices):
+        voters = codes[indices[np.isfinite(near.distances[query])]]
+        votes[query] = np.bincount(voters, minlength=classes)
+    return np.where(there, votes - near_by / (1 + np.abs(near_by)), -np.inf)
+
+
 def _ranking(
     weights: ExampleWeights, distances: np.ndarray, nearest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from numbers import Integral, Real
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,9 +16,13 @@ from gesture_core.classify.comparison import is_still
 from gesture_core.classify.decision import k_nearest, refusals, votes_of
 from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.classify.learning import ExampleWeights
+from gesture_core.classify.probability import probabilities
 from gesture_core.classify.recognizer import Item, Recognizer, signals_of
+from gesture_core.classify.saved import load_recognizer, save_recognizer
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings
+from gesture_core.files import printable
+from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings, settings_from_dict
+from gesture_core.settings.schema import SECTIONS
 from gesture_core.types import PoseSequence, Prediction, Signals
 
 if TYPE_CHECKING:
@@ -38,9 +44,12 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         Largest distance that gets a label; ``"calibrated"`` takes mean + ``reject_sd`` (of the
         preset, otherwise 3) standard deviations of the distances inside each class. None leaves
         it to the preset, whose largest distance is one of signals and is not asked of bare arrays.
-    rejected_label : object
-        What `predict` answers where it gives no label: None, or a label of your own for metrics
-        that compare strings.
+    rejected_label : object, optional
+        What `predict` answers where it gives no label: of the type of the labels, and none of them. By
+        default "(none)" for texts and -1 for numbers, so that any metric takes it as one more class.
+    settings : mapping, optional
+        Settings by their names, such as ``{"classify.mirror": 1.2}``, above those of the preset.
+        ``set_params(classify__mirror=1.2)`` changes one, as a grid search does.
 
     Attributes
     ----------
@@ -59,6 +68,8 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         Rejection threshold of each class.
     weights_ : ExampleWeights or None
         How much each example of `library_` counts for each class, where all of them decide.
+    rejected_label_ : object
+        What `predict` answers where it gives no label.
 
     Notes
     -----
@@ -81,12 +92,14 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         n_neighbors: int | None = None,
         reject: float | str | None = None,
         rejected_label: object = None,
+        settings: Mapping[str, object] | None = None,
     ) -> None:
         self.preset = preset
         self.kernel = kernel
         self.n_neighbors = n_neighbors
         self.reject = reject
         self.rejected_label = rejected_label
+        self.settings = settings
 
     def fit(
         self,
@@ -117,6 +130,12 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
             # A preset's distance is in the unit of its own chain, which bare arrays do not have.
             settings = replace(settings, classify=replace(settings.classify, reject=None))
         fitted = Recognizer.fit(settings, X, y, names, alive=alive, stacklevel=2)
+        return self._take(fitted)
+
+    def _take(self, fitted: Recognizer) -> GestureClassifier:
+        """Be fitted."""
+        settings = fitted.settings
+        self.rejected_label_: object = _sentinel(self.rejected_label, fitted.library.classes)
         self._recognizer = fitted
         self.settings_: Settings = settings
         self.n_neighbors_: int = settings.classify.neighbors
@@ -128,8 +147,8 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         return self
 
     def predict(self, X: Sequence[Item]) -> np.ndarray:
-        """(Q,) labels, of the type of ``y``; ``rejected_label`` where no label is warranted: nothing
-        moves, or the nearest example is too far. One of another type makes it an array of objects.
+        """(Q,) labels, of the type of ``y``; `rejected_label_` where no label is warranted: nothing
+        moves, or the nearest example is too far.
 
         Raises
         ------
@@ -150,15 +169,92 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         codes = refusals(votes, self.thresholds_, self.settings_.classify.margin)
         labels: np.ndarray = self.classes_[votes.winners]
         refused = np.array(codes, str) != ""
-        if not refused.any():
-            return labels
-        instead = np.asarray(self.rejected_label)
-        if instead.ndim == 0 and instead.dtype.kind == labels.dtype.kind:
-            return np.where(refused, instead, labels)
-        labels = labels.astype(object)
-        for index in np.flatnonzero(refused):
-            labels[index] = self.rejected_label
-        return labels
+        return np.where(refused, np.asarray(self.rejected_label_), labels) if refused.any() else labels
+
+    def decision_function(self, X: Sequence[Item]) -> np.ndarray:
+        """(Q, C) score of each of `classes_`, higher for what is more alike; of two classes (Q,), that of the
+        second one less that of the first, as scikit-learn has it.
+
+        With ``n_neighbors=0`` about 1 for the right class and 0 for others; with 1 minus the distance to
+        the nearest example of each class; with more their votes. Minus infinity for a class that cannot
+        be compared. Whether `predict` would refuse a label does not count.
+        """
+        scores = self._scores(X)
+        return scores[:, 1] - scores[:, 0] if scores.shape[1] == 2 else scores
+
+    def predict_proba(self, X: Sequence[Item]) -> np.ndarray:
+        """(Q, C) probability of each of `classes_`, if the query is one of them.
+
+        The softmax of the scores at a temperature that is calibrated on the examples, each of which is
+        left out once (Guo et al. 2017); the first call computes it. Whether `predict` would refuse a
+        label does not count. Equal shares where a query can be compared with nothing.
+
+        Raises
+        ------
+        InputError
+            Where no class has two examples.
+        """
+        return probabilities(self._scores(X), self._recognizer.temperature)
+
+    def _scores(self, X: Sequence[Item]) -> np.ndarray:
+        self._check_fitted()
+        return self._recognizer.scores(self.signals(X))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the fitted classifier to a file, without pickle: its examples, settings and parameters.
+
+        Raises
+        ------
+        InputError
+            Where labels are neither texts nor numbers.
+        """
+        self._check_fitted()
+        parameters = self.get_params(deep=False)
+        if isinstance(self.preset, Settings):
+            parameters["preset"] = {"preset": self.preset.preset, "settings": self.preset.as_dict()}
+        if self.settings is not None:
+            parameters["settings"] = dict(self.settings)
+        parameters["rejected_label"] = np.asarray(self.rejected_label).tolist()
+        save_recognizer(self._recognizer, Path(path), {"parameters": parameters})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> GestureClassifier:
+        """A classifier that `save` wrote. The file need not be trusted: reading it runs no code of it.
+
+        Raises
+        ------
+        InputError
+            Where there is no such file, it is another one, or damaged.
+        """
+        fitted, facts = load_recognizer(Path(path))
+        try:
+            parameters = dict(facts["parameters"])
+            if isinstance(parameters["preset"], dict):
+                chosen = settings_from_dict(parameters["preset"]["settings"])
+                parameters["preset"] = replace(chosen, preset=str(parameters["preset"]["preset"]))
+            return cls(**parameters)._take(fitted)
+        except (KeyError, TypeError) as error:
+            cause = f"holds no classifier that save() wrote: {error}"
+            raise InputError(cause, subject=printable(path), code="E_INPUT") from error
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """The parameters; with ``deep`` every setting as well, as ``classify__mirror``."""
+        found: dict[str, Any] = super().get_params(deep=False)
+        if deep:
+            resolved = self._resolve()
+            for section in SECTIONS:
+                values = vars(getattr(resolved, section))
+                found |= {f"{section}__{name}": value for name, value in values.items()}
+        return found
+
+    def set_params(self, **params: Any) -> GestureClassifier:
+        """Change parameters, and settings by names such as ``classify__mirror`` or ``gaussian__sigma``."""
+        super().set_params(**{name: value for name, value in params.items() if "__" not in name})
+        changes = {name.replace("__", "."): value for name, value in params.items() if "__" in name}
+        if changes:
+            load_settings().with_values(changes.items(), "set_params")  # a misspelt one is refused now
+            self.settings = {**(self.settings or {}), **changes}
+        return self
 
     def predictions(self, X: Sequence[Item]) -> list[Prediction]:
         """One `Prediction` for each query: label, distance, margin, neighbours, or why there is none.
@@ -198,6 +294,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
     def _resolve(self) -> Settings:
         """The settings of the next `fit`: those of the preset, overruled by the other parameters."""
         settings = self.preset if isinstance(self.preset, Settings) else load_settings(self.preset)
+        settings = settings.with_values((self.settings or {}).items(), "settings")
         changes: dict[str, Any] = {}
         if self.kernel != "auto":
             changes["kernel"] = self.kernel
@@ -236,3 +333,25 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         tags.input_tags.three_d_array = True
         tags.input_tags.allow_nan = True
         return tags
+
+
+def _sentinel(given: object, classes: np.ndarray) -> object:
+    """What stands for no label beside ``classes``.
+
+    Raises
+    ------
+    ConfigError
+        E_LABELS where it is one of them, or of another type, or there is no such value.
+    """
+    numbers, kind = set("biuf"), classes.dtype.kind
+    if given is None:
+        value = {"U": "(none)", "S": b"(none)", "f": -1.0}.get(kind, -1 if kind in numbers else None)
+    else:
+        value, own = given, np.asarray(given)
+        if own.ndim > 0 or not (own.dtype.kind == kind or {own.dtype.kind, kind} <= numbers):
+            cause = f"rejected_label = {given!r} beside labels of type {classes.dtype}"
+            raise ConfigError(cause, remedy="one of the type of the labels", code="E_LABELS")
+    if value in classes.tolist():
+        cause = f"{value!r} is a label, and what stands for none"
+        raise ConfigError(cause, remedy="rejected_label with another value", code="E_LABELS")
+    return value

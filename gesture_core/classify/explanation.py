@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gesture_core.classify.comparison import comparable, pair_divisors, parts, takes_parts
+from gesture_core.classify.comparison import Extents, comparable, pair_divisors, parts, takes_parts
 from gesture_core.classify.decision import k_nearest, named_examples, votes_of
 from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.classify.learning import ExampleWeights
@@ -165,7 +165,7 @@ def align(query: Signals, library: ExampleLibrary, index: int, settings: Setting
     found = []
     for signals, flipped, factor in readings:
         costs, used, paths, places = channel_costs(query, signals, settings)
-        divisor = float(pair_divisors([query], [signals], settings)[0, 0])
+        divisor = float(pair_divisors(Extents.of([query]), Extents.of([signals]), settings)[0, 0])
         # As in the comparison: no distance is none at all, whatever it is divided by.
         costs = costs * (factor / divisor if divisor > 0 else 1.0)
         distance = float(costs.sum()) if used.any() and (divisor > 0 or not costs.any()) else np.inf

@@ -6,17 +6,22 @@ the comparisons of a run.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from gesture_core.classify.comparison import check_alike, check_settings, compare
-from gesture_core.classify.decision import decide
+from gesture_core.classify.comparison import Comparison, check_alike, check_settings
+from gesture_core.classify.decision import decide, scores_of
 from gesture_core.classify.examples import ExampleLibrary, warn_of_contradictions
+from gesture_core.classify.known import KnownDistances
 from gesture_core.classify.learning import ExampleWeights, learn, needs_distances
+from gesture_core.classify.probability import temperature_of
 from gesture_core.errors import ConfigError, GestureError, InputError, WarpingError
+from gesture_core.files import printable
 from gesture_core.plugin import registry
 from gesture_core.settings import Settings
 from gesture_core.signals.chain import Chain
@@ -43,13 +48,19 @@ class Recognizer:
         Largest distance at which each class gives its label.
     weights : ExampleWeights or None
         How much each example counts for each class, where all of them decide.
+    comparison : Comparison
+        With these examples.
+    within : (N, N) array, optional
+        Distances among them, where `fit` had to compute them.
     """
 
     settings: Settings
     library: ExampleLibrary
     kept: np.ndarray
-    thresholds: np.ndarray | None = None
-    weights: ExampleWeights | None = None
+    thresholds: np.ndarray | None
+    weights: ExampleWeights | None
+    comparison: Comparison
+    within: np.ndarray | None = None
 
     @classmethod
     def fit(
@@ -60,9 +71,13 @@ class Recognizer:
         names: Sequence[str] | None = None,
         *,
         alive: Callable[[], None] = lambda: None,
+        known: KnownDistances | None = None,
         stacklevel: int = 1,
     ) -> Recognizer:
-        """Keep ``X`` as examples with the labels ``y``; see `GestureClassifier.fit`."""
+        """Keep ``X`` as examples with the labels ``y``; see `GestureClassifier.fit`.
+
+        Pairs in ``known`` are not compared again; it learns those that are.
+        """
         if len(X) != len(y):
             raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
         check_settings(settings)
@@ -83,15 +98,34 @@ class Recognizer:
                 code="E_NEIGHBORS",
             )
         warn_of_contradictions(library, stacklevel + 1)
-        within = _among(library.series, settings, alive) if needs_distances(chosen) else None
+        comparison = Comparison(library.series, settings, known)
+        within = _among(library.series, comparison, alive) if needs_distances(chosen) else None
         kept, thresholds, weights = learn(library.codes, len(library.classes), chosen, within)
         if chosen.representative:
             library = library.take(kept)
-        return cls(settings, library, kept, thresholds, weights)
+            comparison = Comparison(library.series, settings, known)
+            within = None if within is None else within[np.ix_(kept, kept)]
+        return cls(settings, library, kept, thresholds, weights, comparison, within)
 
     def distances(self, series: Sequence[Signals | np.ndarray]) -> np.ndarray:
         """(Q, N) warping distances to the examples of `library`."""
-        return compare(series, self.library.series, self.settings)
+        if not series:
+            return np.empty((0, len(self.library)))
+        return self.comparison.distances(series)
+
+    def scores(self, series: Sequence[Signals | np.ndarray]) -> np.ndarray:
+        """(Q, C) score of each class; see `decision.scores_of`."""
+        k, library = self.settings.classify.neighbors, self.library
+        return scores_of(self.distances(series), library.codes, len(library.classes), k, self.weights)
+
+    @cached_property
+    def temperature(self) -> float:
+        """What turns scores into probabilities; see `probability.temperature_of`."""
+        library = self.library
+        within = self.within
+        if within is None:
+            within = _among(library.series, self.comparison, lambda: None)
+        return temperature_of(within, library.codes, len(library.classes), self.settings.classify)
 
     def predictions(self, X: Sequence[Item]) -> list[Prediction]:
         """One `Prediction` for each query; see `GestureClassifier.predictions`."""
@@ -127,11 +161,25 @@ def signals_of(X: Sequence[Item], settings: Settings, name: str) -> list[Signals
     """``X`` with keypoints made signals; an error says of which element, ``name`` and number, it is."""
     if isinstance(X, PoseSequence | Signals):
         raise InputError(f"one {type(X).__name__} instead of a sequence of them", remedy="a list: [it]")
+    if isinstance(X, str | os.PathLike):
+        raise _not_loaded(X)
     chain = Chain.from_settings(settings)
     return [_signals_of(item, chain, f"{name} {index}") for index, item in enumerate(X)]
 
 
+def _not_loaded(path: str | os.PathLike[str], name: str = "X") -> InputError:
+    """What is said of a file where keypoints belong: opening it is another function's work."""
+    return InputError(
+        f"{name} is a path, {printable(path)!r}",
+        remedy="load_poses(paths) first, which gives the keypoints of each; "
+        "or classify_archive, which takes folders",
+        code="E_DTYPE",
+    )
+
+
 def _signals_of(item: Item, chain: Chain, name: str) -> Signals | np.ndarray:
+    if isinstance(item, str | os.PathLike):
+        raise _not_loaded(item, name)
     try:
         return chain(item) if isinstance(item, PoseSequence) else item
     except GestureError as error:
@@ -140,14 +188,14 @@ def _signals_of(item: Item, chain: Chain, name: str) -> Signals | np.ndarray:
 
 
 def _among(
-    series: Sequence[Signals | np.ndarray], settings: Settings, alive: Callable[[], None]
+    series: Sequence[Signals | np.ndarray], comparison: Comparison, alive: Callable[[], None]
 ) -> np.ndarray:
     """(N, N) distances among the examples, as many rows at a time as a kernel does in seconds."""
     blocks: list[np.ndarray] = []
     start, rows = 0, 1
     while start < len(series):
         begun = time.monotonic()
-        blocks.append(compare(series[start : start + rows], series, settings))
+        blocks.append(comparison.distances(series[start : start + rows]))
         alive()
         start += rows
         rows = max(1, min(_MOST_ROWS, int(rows * _SECONDS / max(time.monotonic() - begun, 1e-3))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,8 +21,13 @@ from gesture_core.cli.output import (
 from gesture_core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from gesture_core.run.pipeline import RunSummary
+    from collections.abc import Mapping, Sequence
 
+    from gesture_core.run.pipeline import RunSummary
+    from gesture_core.types import Row
+
+NO_LABEL = "(none)"
+"""What stands for no label, where labels are counted."""
 _CLASSES_SHOWN = 30
 
 
@@ -130,15 +136,18 @@ def _execute(
 
     with progress(sources, examples) as listener, warnings_as_lines(events=True):
         summary = run_archive(request, listener)
-    print_rows(summary.rows(), "events" if spot else "labels" if examples else "keypoints")
-    say_summary(summary)
+    rows = summary.rows()
+    print_rows(rows, "events" if spot else "labels" if examples else "keypoints")
+    say_summary(summary, () if spot else rows)
     return summary.exit_code
 
 
-def say_summary(summary: RunSummary) -> None:
+def say_summary(summary: RunSummary, rows: Sequence[Row] = ()) -> None:
     """The end of a run on standard error: text on a terminal, one JSON line otherwise."""
+    labels = Counter(row.label or NO_LABEL for row in rows) if summary.classes else Counter[str]()
+    right = _right(rows, summary.classes)
     if sys.stderr.isatty():
-        _say_to_people(summary)
+        _say_to_people(summary, labels, right)
         return
     say_event(
         "done",
@@ -151,6 +160,8 @@ def say_summary(summary: RunSummary) -> None:
         failed_examples=[row.input for row in summary.failed_examples],
         lost_classes=list(summary.lost_classes),
         classes=dict(summary.classes),
+        labels=dict(sorted(labels.items())),
+        right=right,
         inputs_among_examples=summary.inputs_among_examples,
         gone=summary.gone,
         assumed=dict(summary.assumed),
@@ -162,7 +173,15 @@ def say_summary(summary: RunSummary) -> None:
     )
 
 
-def _say_to_people(summary: RunSummary) -> None:
+def _right(rows: Sequence[Row], classes: Mapping[str, int]) -> int | None:
+    """Rows whose label is that of the folder that holds the input; None unless every folder is a label."""
+    folders = [Path(row.input.partition("::")[0]).parent.name for row in rows]
+    if not rows or not set(folders) <= set(classes):
+        return None
+    return sum(row.label == folder for row, folder in zip(rows, folders, strict=True))
+
+
+def _say_to_people(summary: RunSummary, labels: Counter[str], right: int | None) -> None:
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.counts.items()))
     where = str(summary.out / "run.db")
     if (summary.out / "keypoints").is_dir():
@@ -188,6 +207,11 @@ def _say_to_people(summary: RunSummary) -> None:
     if summary.classes:
         classes = [f"{label} {number}" for label, number in summary.classes.items()]
         say(f"examples: {named(classes, _CLASSES_SHOWN)}")
+    if labels:
+        say(f"labels: {named([f'{label} {n}' for label, n in sorted(labels.items())], _CLASSES_SHOWN)}")
+    if right is not None:
+        share = right / labels.total()
+        say(f"{right} of {counted(labels.total(), 'label')} are those of the inputs' folders ({share:.1%})")
     for warning in _warnings(summary):
         say(warning)
 

@@ -56,7 +56,7 @@ def demo(
         summary = classify_archive(sources, examples, run, settings, overwrite=True, listener=listener)
     rows = summary.rows()
     row_table(rows)
-    say_summary(summary)
+    say_summary(summary, rows)
     with archive.truth.open(newline="", encoding="utf-8") as file:
         truth = {Path(row["path"]).stem: row["label"] for row in csv.DictReader(file)}
     right = sum(row.label == truth[Path(row.input.partition("::")[0]).stem] for row in rows)

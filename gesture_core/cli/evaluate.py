@@ -152,14 +152,13 @@ def _point(point: Mapping[str, Any]) -> str:
 def _write(result: EvaluationResult, folder: Path) -> None:
     from gesture_core.report.evaluation import draw_evaluation, write_evaluation
 
-    for path in write_evaluation(result.best, result.fingerprint, folder):
-        say(str(path))
+    lines = [str(path) for path in write_evaluation(result.best, result.fingerprint, folder)]
     try:
-        for path in draw_evaluation(result.best, folder):
-            say(str(path))
+        lines += [str(path) for path in draw_evaluation(result.best, folder)]
     except MissingDependencyError as error:
-        say(f"no pictures: {error.message}")
-    say(f"fingerprint {result.fingerprint}")
+        lines.append(f"no pictures: {error.message}")
+    for line in [*lines, f"fingerprint {result.fingerprint}"]:
+        say(line)
 
 
 def _print_accuracy(evaluation: Evaluation, what: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import shlex
@@ -14,8 +15,9 @@ from types import FrameType
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 
 from gesture_core import __version__
+from gesture_core.cli.output import say, say_event
 from gesture_core.errors import Code, ConfigError, GestureError
-from gesture_core.files import printable
+from gesture_core.files import printable, with_tracebacks
 
 EXIT_PIPE = 141
 """Of a command whose output was closed: 128 and the number of SIGPIPE."""
@@ -25,7 +27,8 @@ app = App(
     help="A folder of videos and a folder of example gestures in, a table of labels out.",
     help_epilogue="Exit codes: 0 all done, 1 fatal, 2 usage, 3 finished with errors, degraded rows "
     "or lost examples, 11 another run holds the folder, 130 and 143 interrupted. "
-    "--traceback with any command, or GESTURE_TRACEBACK=1, shows where an error was raised.",
+    "With any command: --traceback (GESTURE_TRACEBACK=1) shows where an error was raised, in a plugin "
+    "too; --no-cache (GESTURE_NO_CACHE=1) does again what is in the cache.",
     version=__version__,
     help_format="plaintext",
     default_parameter=Parameter(negative=()),
@@ -42,6 +45,7 @@ _COMMANDS = {
     "settings": "List every setting, its type, meaning, default and value.",
     "plugins": "List every plugin, its kind, origin and status.",
     "models": "List, add and verify pose networks.",
+    "cache": "Show or delete what the program has kept to save work.",
     "bench": "Time every installed distance kernel on this machine.",
     "demo": "Run the main job on an archive that the package draws itself.",
 }
@@ -49,12 +53,17 @@ _PLACES = {
     "extract": "classify:extract",
     "spot": "classify:spot",
     "models": "models:app",
+    "cache": "cache:app",
     "plugins": "plugins:app",
 }
 for _name, _help in _COMMANDS.items():
     app.command(f"gesture_core.cli.{_PLACES.get(_name, f'{_name}:{_name}')}", name=_name, help=_help)
 
+_WITH_SETTINGS = {"extract": ("pose", "keypoints", "limits"), "render": ("pose", "limits"), "bench": ("dtw",)}
+"""Sections whose settings have a meaning in a command that knows some alone."""
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
+_EVERYWHERE = {"--traceback": "GESTURE_TRACEBACK", "--no-cache": "GESTURE_NO_CACHE"}
+"""Flags of every command, and the variables that are the same."""
 _REPEATED = ("--set", "--grid", "--contract")
 """Options that take one key=value, and may be given again."""
 
@@ -73,11 +82,41 @@ def run(arguments: Sequence[str]) -> int:
     signal.signal(signal.SIGTERM, _on_sigterm)
     for stream in (sys.stdout, sys.stderr):  # any bytes may stand in a file name
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
-    arguments, traced = list(arguments), os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
+    arguments = list(arguments)
     end = arguments.index("--") if "--" in arguments else len(arguments)
-    if "--traceback" in arguments[:end]:
-        arguments.remove("--traceback")
-        traced = True
+    asked = {flag for flag in _EVERYWHERE if flag in arguments[:end]}
+    arguments = [word for place, word in enumerate(arguments) if word not in asked or place >= end]
+    before = {name: os.environ.get(name) for name in _EVERYWHERE.values()}
+    os.environ.update({_EVERYWHERE[flag]: "1" for flag in asked})  # of worker processes, too
+    try:
+        return _run(arguments)
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            os.environ.update({} if value is None else {name: value})
+
+
+class _Notes(logging.Handler):
+    """What the package and its plugins log, such as what a wait is for: a line for people or an event."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if sys.stderr.isatty():
+            say(record.getMessage())
+        else:
+            say_event("note", text=record.getMessage())
+
+
+def _run(arguments: list[str]) -> int:
+    traced = with_tracebacks()
+    notes = _Notes(logging.WARNING)
+    logging.getLogger("gesture_core").addHandler(notes)
+    try:
+        return _done(arguments, traced)
+    finally:
+        logging.getLogger("gesture_core").removeHandler(notes)
+
+
+def _done(arguments: list[str], traced: bool) -> int:
     try:
         command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
         if "sources" in bound.arguments:
@@ -170,8 +209,22 @@ def _usage(error: CycloptsError, arguments: Sequence[str]) -> str:
     else:
         cause, meant, rest = str(error).partition(" Did you mean ")
         cause = cause.partition(" Available commands")[0].rstrip(". ")
-        remedy = f"{rest.partition('?')[0]}, or {remedy}" if meant else remedy
+        option = cause.rpartition(" --")[2].replace("-", "_")
+        owners = _owners(option, next(iter(chain), "")) if cause.startswith("Unknown option") else []
+        if owners:
+            remedy = " or ".join(f"--set {owner}.{option}=VALUE" for owner in owners)
+        elif meant:
+            remedy = f"{rest.partition('?')[0]}, or {remedy}"
     return f"{Code.USAGE} {cause}; try: {remedy}"
+
+
+def _owners(option: str, command: str) -> list[str]:
+    """Sections that have a setting called ``option`` with a meaning in ``command``."""
+    from gesture_core.settings.load import fields_of
+    from gesture_core.settings.schema import SECTIONS
+
+    every = tuple(SECTIONS) if command in ("classify", "evaluate", "demo") else ()
+    return [section for section in _WITH_SETTINGS.get(command, every) if option in fields_of(section)]
 
 
 def _refused(error: OSError) -> str:

@@ -6,15 +6,16 @@ Names that come from files are printed by `files.printable`, so that none of the
 from __future__ import annotations
 
 import json
+import os
 import sys
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from gesture_core.errors import ConfigError, InputError
+from gesture_core.errors import Code, ConfigError, InputError
 from gesture_core.files import printable
 
 if TYPE_CHECKING:
@@ -34,12 +35,19 @@ _STYLES = {"ok": "green", "degraded": "yellow", "rejected": "yellow", "skipped":
 
 def say(text: str) -> None:
     """One line for people, on standard error."""
-    print(printable(text), file=sys.stderr)
+    _to_standard_error(printable(text))
 
 
 def say_event(event: str, **facts: Any) -> None:
     """One line for programs, as JSON on standard error."""
-    print(json.dumps({"event": event, **facts}, ensure_ascii=False), file=sys.stderr, flush=True)
+    _to_standard_error(json.dumps({"event": event, **facts}, ensure_ascii=False))
+
+
+def _to_standard_error(line: str) -> None:
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except BrokenPipeError:  # nobody reads how the work goes on, and it goes on
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
 @contextmanager
@@ -96,6 +104,15 @@ def print_table(
     console().print(table)
 
 
+def print_list(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A list: a table on a terminal, JSON lines through a pipe, whose keys are the columns' names."""
+    if sys.stdout.isatty():
+        print_table(columns, rows)
+        return
+    for row in rows:
+        print(json.dumps(dict(zip(columns, row, strict=True)), ensure_ascii=False))
+
+
 def print_rows(rows: Sequence[Row], what: Table = "labels") -> None:
     """The result: a table and what went wrong on a terminal, JSON lines otherwise."""
     if not sys.stdout.isatty():
@@ -111,12 +128,40 @@ def print_rows(rows: Sequence[Row], what: Table = "labels") -> None:
 
 
 def print_reasons(rows: Sequence[Row]) -> None:
-    """Why rows are not ``ok``, the worst first."""
+    """Why rows are not ``ok``, the worst first; rejections of one kind, and files left out, as one group."""
     flawed = sorted((row for row in rows if row.message), key=lambda row: _WORST.index(row.status))
-    for row in flawed[:_REASONS_SHOWN]:
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in flawed:
+        groups.setdefault((row.status, row.code), []).append(row)
+    grouped = {key for key, group in groups.items() if key[0] in ("rejected", "skipped") and len(group) > 1}
+    each = [row for row in flawed if (row.status, row.code) not in grouped]
+    for row in each[:_REASONS_SHOWN]:
         print(f"{row.status} {row.code} {printable(row.message)}")
-    if len(flawed) > _REASONS_SHOWN:
-        print(f"… and {counted(len(flawed) - _REASONS_SHOWN, 'more reason')} in the column 'message'")
+    if len(each) > _REASONS_SHOWN:
+        print(f"… and {counted(len(each) - _REASONS_SHOWN, 'more reason')} in the column 'message'")
+    for key in groups:
+        if key in grouped:
+            _print_group(groups[key])
+
+
+def _print_group(rows: Sequence[Row]) -> None:
+    """Rows that have no label for one reason: the reason once, then what they would have been."""
+    code = Code.of(rows[0].code)
+    reason = f": {code.meaning}; try: {code.remedy}" if code else ""
+    print(f"{len(rows)} {rows[0].status} {rows[0].code}{reason}")
+    base = _common_folder([row.input for row in rows])
+    shown = rows[:_REASONS_SHOWN]
+    names = [row.input.removeprefix(base) + (f" #{row.person}" if row.person else "") for row in shown]
+    if not any(row.neighbors for row in shown):
+        print(f"  {printable(named(names, _REASONS_SHOWN))}")
+    else:
+        cells = []
+        for name, row in zip(names, shown, strict=True):
+            numbers = ["" if value is None else f"{value:.3f}" for value in (row.distance, row.margin)]
+            cells.append([name, row.neighbors[0][1] if row.neighbors else "", *numbers])
+        print_table(["input", "would have been", "distance", "margin"], cells, right=["distance", "margin"])
+    if len(rows) > len(shown):
+        print(f"… and {len(rows) - len(shown)} more of them")
 
 
 def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
@@ -131,6 +176,10 @@ def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
         columns = ["input", "frames", "looked at", "with a pose", "seconds", "status"]
         right = [1, 2, 3, 4]
     base = _common_folder([row.input for row in rows])
+    clips: dict[str, set[str]] = {}
+    for row in rows:
+        for name, _, _ in row.neighbors[:1]:
+            clips.setdefault(name.rpartition("/")[2], set()).add(name)
     cells: list[list[str | Text]] = []
     for row in rows:
         name = row.input.removeprefix(base) + (f" #{row.person}" if row.person else "")
@@ -142,7 +191,7 @@ def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
             cells.append([name, start, end, row.label or "-", score, _nearest(row), status])
         elif what == "labels":
             numbers = ["" if value is None else f"{value:.3f}" for value in (row.distance, row.margin)]
-            cells.append([name, row.label or "-", *numbers, _nearest(row), status])
+            cells.append([name, row.label or "-", *numbers, _nearest(row, clips), status])
         else:
             counts = (row.frames_read, row.frames_looked_at, row.frames_with_pose)
             frames = [*map(str, counts), f"{row.seconds:.1f}"]
@@ -150,13 +199,19 @@ def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
     print_table(columns, cells, right=[columns[i] for i in right])
 
 
-def _nearest(row: Row) -> str:
-    """The nearest example, with the folder above where that is its label."""
+def _nearest(row: Row, clips: Mapping[str, Collection[str]]) -> str:
+    """The nearest example, with the folder above where that is its label; and with as many folders as tell it
+    from the others of ``clips`` that have the name of its file.
+    """
     if not row.neighbors:
         return ""
     name, label, _ = row.neighbors[0]
-    folder, _, clip = name.rpartition("/")
-    return f"{label}/{clip}" if folder.rpartition("/")[2] == label else clip
+    parts = name.split("/")
+    least = 2 if parts[-2:-1] == [label] else 1
+    others = [other.split("/") for other in clips.get(parts[-1], ()) if other != name]
+    while least < len(parts) and any(other[-least:] == parts[-least:] for other in others):
+        least += 1
+    return "/".join(parts[-least:])
 
 
 def _common_folder(names: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ import cyclopts
 from cyclopts import Parameter
 
 from gesture_core.cli.flags import UNSAID
-from gesture_core.cli.output import print_table
+from gesture_core.cli.output import counted, print_list, print_table, say
 from gesture_core.errors import GestureError, MissingDependencyError, ModelError, PluginError, PoseError
 from gesture_core.files import printable
 from gesture_core.plugin import registry
@@ -59,7 +59,14 @@ def list_plugins(name: Annotated[str, UNSAID] = "", /, *, check: Annotated[bool,
         title = KINDS[fault.kind].title if fault.kind else fault.origin.entry_point
         rows.append((title, fault.name, f"broken: {fault.cause}", str(fault.origin), ""))
         broken = True
-    print_table(("kind", "name", "status", "origin", "what it is"), rows)
+    print_list(("kind", "name", "status", "origin", "what it is"), rows)
+    if check:
+        bad = sum(row[2].startswith(("broken", "ambiguous")) for row in rows)
+        say(
+            f"{bad} of {counted(len(rows), 'plugin')} cannot be used"
+            if bad
+            else "all plugins that are installed work"
+        )
     return 3 if check and broken else 0
 
 

@@ -53,6 +53,7 @@ class Events(Listener):
 
     def __init__(self, sources: Sequence[str] = (), examples: Sequence[str] = ()) -> None:
         self._named = {"sources": list(sources), "example_sources": list(examples)}
+        self._stage = ""
         self._extracted: set[str] = set()
         self._done = self._total = self._frames = 0
         self._started = self._last = time.monotonic()
@@ -60,6 +61,11 @@ class Events(Listener):
     def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
         self._total = waiting + examples if waiting else 0
         self._plan(inputs=inputs, waiting=waiting, examples=examples, kernel=kernel)
+
+    def stage(self, name: str) -> None:
+        if name != self._stage:
+            self._stage = name
+            self._staged()
 
     def network(self, text: str) -> None:
         say_event("pose", network=text)
@@ -95,6 +101,9 @@ class Events(Listener):
     def _failed(self, row: Row) -> None:
         say_event("example_failed", input=row.input, code=row.code, message=row.message)
 
+    def _staged(self) -> None:
+        """Another stage has begun."""
+
     def _changed(self) -> None:
         """Something more is done."""
         now = time.monotonic()
@@ -104,19 +113,28 @@ class Events(Listener):
         left = (now - self._started) / self._done * (self._total - self._done) if self._done else None
         say_event(
             "progress",
+            stage=self._stage or "keypoints",
             files=self._done,
             of=self._total,
+            frames=self._frames,
             frames_per_second=round(self._rate, 1),
             seconds_left=None if left is None else round(left),
         )
 
 
 class Bar(Events):
-    """Files, frames a second and time left."""
+    """The stage, files, frames, frames a second and time left."""
 
     def __init__(self) -> None:
         super().__init__()
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
 
         from gesture_core.cli.output import console
 
@@ -125,6 +143,7 @@ class Bar(Events):
             BarColumn(complete_style="green", finished_style="green"),
             MofNCompleteColumn(),
             TextColumn("{task.fields[speed]}"),
+            TimeElapsedColumn(),
             TimeRemainingColumn(),
             console=console(stderr=True),
             transient=True,
@@ -150,9 +169,12 @@ class Bar(Events):
         if self._total:
             self._bar.update(self._task, description="keypoints", total=self._total)
 
+    def _staged(self) -> None:
+        self._bar.update(self._task, description=self._stage)
+
     def _failed(self, row: Row) -> None:
         self._bar.console.print(f"example left out: {row.code} {printable(row.message)}", markup=False)
 
     def _changed(self) -> None:
-        speed = f"{self._rate:.0f} frames/s" if self._frames else ""
+        speed = f"{self._frames:,} frames, {self._rate:.0f} a second" if self._frames else ""
         self._bar.update(self._task, completed=self._done, speed=speed)

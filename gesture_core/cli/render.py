@@ -35,7 +35,8 @@ def render(
     video
         The video.
     out
-        A name.mp4 for a video (needs PyAV), a name.png for a strip of pictures; <video>-pose.mp4 by default.
+        A name.mp4 for a video (needs PyAV), a name.png for a strip of pictures, cropped to the people;
+        <video>-pose.mp4 by default.
     people
         single, or multi: who is lost for a while comes back as another person. As pose.people by default.
     run

@@ -54,9 +54,10 @@ def common_dtype(queries: Series, examples: Series) -> tuple[type[np.floating], 
 def refuse_one(series: Series, name: str = "series") -> None:
     """An InputError where one series stands in the place of a sequence of them."""
     one = series.values if isinstance(series, Signals) else series
-    if isinstance(one, np.ndarray) and one.ndim < 3 and one.dtype != object:
+    several = isinstance(one, np.ndarray) and (one.ndim > 2 or one.dtype == object)
+    if not several and hasattr(one, "__array__") and len(np.shape(one)) < 3:  # of any library
         raise InputError(
-            f"{name} are one array of shape {one.shape}, expected a sequence of series",
+            f"{name} are one array of shape {tuple(np.shape(one))}, expected a sequence of series",
             remedy="warping_distance(a, b) for one pair, [a], [b] for lists of one series, "
             "list(array) where each row is a series",
             code="E_DIMENSIONS",

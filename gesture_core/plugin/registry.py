@@ -8,22 +8,26 @@ into an error of this package.
 from __future__ import annotations
 
 import difflib
+import hashlib
 import importlib
 import importlib.util
 import inspect
 import re
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any
 
 import pluggy
 
 from gesture_core.errors import ConfigError, GestureError, MissingDependencyError, PluginError, SignalError
+from gesture_core.files import with_tracebacks
 from gesture_core.plugin import hooks
 from gesture_core.plugin.interfaces import KINDS
 
@@ -61,6 +65,12 @@ class Registration:
         return f"{self.title} of {self.origin}"
 
     @property
+    def identity(self) -> str:
+        """Distribution and version, and a hash of the code where that may change under one version."""
+        code = _code_sha256(self.target.partition(":")[0])
+        return f"{self.origin} (code {code[:12]})" if code else str(self.origin)
+
+    @property
     def missing(self) -> tuple[str, ...]:
         """Modules that it needs and that are not installed."""
         return tuple(module for module in self.needs if not _installed(module))
@@ -76,6 +86,26 @@ class Registration:
     def title(self) -> str:
         """The name in a sentence: ``pose backend 'onnx'``."""
         return f"{KINDS[self.kind].title} {self.name!r}"
+
+
+@cache
+def _code_sha256(module: str) -> str:
+    """A hash of the Python files in the folder of ``module``; empty for what pip has put into its place.
+
+    An installation that can be edited keeps its version while its code changes.
+    """
+    try:
+        found = importlib.util.find_spec(module)
+    except (Exception, SystemExit):  # noqa: BLE001 - it imports the packages above, which may raise anything
+        return ""
+    if found is None or not found.origin or {"site-packages", "dist-packages"} & {*Path(found.origin).parts}:
+        return ""
+    place, digest = Path(found.origin), hashlib.sha256()
+    alone = "." not in module and place.name != "__init__.py"
+    for file in [place] if alone else sorted(place.parent.rglob("*.py")):
+        with suppress(OSError):  # it goes while we look
+            digest.update(file.relative_to(place.parent).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
 
 
 def _installed(module: str) -> bool:
@@ -314,6 +344,8 @@ def calling(
         more = "a larger limits.memory (--set, or GESTURE_SET_LIMITS__MEMORY), and --retry-errors"
         raise PluginError(f"{name}: out of memory", kept=kept, remedy=more, code="E_WORKER_MEMORY") from error
     except (Exception, SystemExit) as error:
+        if tracebacks():
+            print("".join(traceback.format_exception(error)), file=sys.stderr, flush=True)
         cause = f"{name} {verb}{'' if verb.endswith('raised') else ':'} {described(error)}"
         raise PluginError(cause, kept=kept, remedy=remedy, code=code) from error
     finally:
@@ -321,6 +353,20 @@ def calling(
         _say_who_is_called(called)
 
 
+def tracebacks() -> bool:
+    """Whether ``GESTURE_TRACEBACK`` asks for it, or a plugin is being debugged: see `show_tracebacks`."""
+    return bool(_shown) or with_tracebacks()
+
+
+def show_tracebacks(shown: bool) -> None:
+    """Print where a plugin raised, its author's own lines, on standard error, until that is over."""
+    if shown:
+        _shown.append(True)
+    elif _shown:
+        _shown.pop()
+
+
+_shown: list[bool] = []
 _calls = threading.local()
 _watchers: list[Callable[[str], None]] = []
 

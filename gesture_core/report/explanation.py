@@ -23,8 +23,8 @@ def explanation_plot(explanation: Explanation, title: str, path: Path, channels:
 
     Left column: the nearest example; right column: the runner-up class. Top: the warping paths, the
     largest parts of the distance, and the channels that tell the two apart. Below: these channels'
-    signals over time, the query in blue, the example in green (the answer) or red (the runner-up), grey lines
-    between matched frames.
+    signals over time, the query in black, the example in green (the answer) or purple (the runner-up), grey
+    lines between matched frames.
 
     Parameters
     ----------
@@ -131,15 +131,14 @@ def _signals(
 ) -> None:
     query, example = side.query.values[:, channel], side.signals.values[:, channel]
     rows, columns = _seconds(side.query), _seconds(side.signals)
-    lift = 0.6 * (high - low) or 1.0
+    span = high - low or 1.0
     if side.used[channel]:
         path = side.path_of(channel)
         for i, j in path[np.linspace(0, len(path) - 1, min(_MATCHES, len(path))).astype(int)]:
-            ends = [query[i] + lift, example[j]]
-            axes.plot([rows[i], columns[j]], ends, color=MATCH, linewidth=0.5, alpha=0.6)
-    axes.plot(rows, query + lift, color=QUERY, linewidth=1.5, label="query (lifted)")
+            axes.plot([rows[i], columns[j]], [query[i], example[j]], color=MATCH, linewidth=0.5, alpha=0.6)
+    axes.plot(rows, query, color=QUERY, linewidth=1.5, label="query")
     axes.plot(columns, example, color=colour, linewidth=1.5, label=f"example: {side.label}")
-    axes.set_ylim(low - 0.08 * lift, high + (1.55 if legend else 1.12) * lift)
+    axes.set_ylim(low - 0.08 * span, high + (0.4 if legend else 0.08) * span)
     used = "" if side.used[channel] else " (not compared)"
     axes.set_title(f"{side.query.channels[channel]}{used}: cost {side.costs[channel]:.3g}", fontsize=8)
     axes.tick_params(labelsize=7)

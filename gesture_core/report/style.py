@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Told apart by people who see few colours, and in print (Okabe and Ito 2008).
-BLUE, GREEN, VERMILLION, PURPLE = "#0072b2", "#009e73", "#d55e00", "#cc79a7"
+BLACK, BLUE, GREEN, VERMILLION, PURPLE = "#000000", "#0072b2", "#009e73", "#d55e00", "#cc79a7"
 ORANGE, SKY, GREY, WHITE = "#e69f00", "#56b4e9", "#7f7f7f", "#ffffff"
-QUERY, ANSWER, RUNNER_UP, MATCH = BLUE, GREEN, VERMILLION, GREY
+QUERY, ANSWER, RUNNER_UP, MATCH = BLACK, GREEN, PURPLE, GREY
 """The input, the class that won with its example, the second best with its own, matched frames."""
-BY_MARGIN, BY_DISTANCE = PURPLE, GREY
+BY_MARGIN, BY_DISTANCE = VERMILLION, GREY
 """What a threshold is set on."""
 RIGHT, LEFT, MIDDLE = ORANGE, SKY, WHITE
-"""Sides of a person's body, theirs, not the picture's."""
+"""Sides of a person's body, theirs, not the picture's. No curve has the colour of a side."""
 _OTHER_SCRIPTS = (
     "Noto Sans CJK SC", "Noto Sans CJK JP", "Noto Sans CJK KR", "WenQuanYi Micro Hei", "IPAGothic",
     "Hiragino Sans", "PingFang SC", "Apple SD Gothic Neo", "Microsoft YaHei", "Yu Gothic", "Malgun Gothic",
@@ -66,5 +66,8 @@ def save(figure: Figure, path: Path) -> Path:
         text.set_parse_math(False)
         text.set_fontfamily(families)
     with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=120, metadata={"Software": None})
+        # As large as what is drawn: a long label beside few classes must push nothing over the edge.
+        figure.savefig(
+            temporary, format="png", dpi=120, metadata={"Software": None}, bbox_inches="tight", pad_inches=0.1
+        )
     return path

@@ -7,6 +7,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -177,11 +178,13 @@ def evaluate_archive(
     >>> f"{result.accuracy:.0%} of {len(result.best.answers)} clips"
     '100% of 12 clips'
     """
-    from sklearn.model_selection import ParameterGrid
-
     ready = settings if isinstance(settings, Settings) else load_settings(settings)
     ready = ready.with_values((key.replace("__", "."), value) for key, value in changes.items())
-    points: list[dict[str, Any]] = list(ParameterGrid(dict(grid or {})))
+    tried = sorted((grid or {}).items())
+    points: list[dict[str, Any]] = [
+        dict(zip((key for key, _ in tried), values, strict=True))
+        for values in product(*(values for _, values in tried))
+    ]
     candidates = [ready.with_values(point.items(), "--grid") for point in points]
     for point, candidate in zip(points, candidates, strict=True):
         check_settings(candidate)
@@ -198,9 +201,11 @@ def evaluate_archive(
     examples = _examples(items, train, protocol)
     neighbors = max(candidate.classify.neighbors for candidate in candidates)
     _check_protocol(protocol, items, who, examples, neighbors)
-    poses, hashes, identity, assumed = _load(items, ready, workers, listener or Listener())
+    listener = listener or Listener()
+    poses, hashes, identity, assumed = _load(items, ready, workers, listener)
     names = [item.name for item in items]
     data = Labelled(poses, [str(item.label) for item in items], who, names, examples)
+    listener.stage("comparing")
     every = [compare_all(data, candidate) for candidate in candidates]
     found = [answer(compared, protocol, point) for compared, point in zip(every, points, strict=True)]
     best = max(range(len(found)), key=lambda index: found[index].accuracy)

@@ -19,6 +19,7 @@ from gesture_core.run.evaluate import people_of
 from gesture_core.run.inputs import Input, discover
 from gesture_core.run.pipeline import Listener
 from gesture_core.run.results import open_results
+from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence, Row, Signals
@@ -53,7 +54,8 @@ def explain(
     Parameters
     ----------
     run : path
-        The run folder. Its inputs and examples must be where the run found them.
+        The run folder. The input must be where the run found it; the examples only where the folder
+        holds no fitted ones, as after a run of an earlier version.
     input : str
         The input as the row names it, or a part of its name that no other one has.
     person : int
@@ -98,13 +100,15 @@ def explain(
         )
     if row.distance is None:
         raise _nothing(row)
-    settings = settings_from_dict(configuration["settings"])
     examples = {n: known for n, known in configuration["examples"].items() if n not in left_out}
     hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
+    recognizer = open_fitted(Path(run), row.fingerprint)
+    settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])
     places = {name: known["path"] for name, known in examples.items() if "path" in known}
-    people = _people(hashes, places | {row.input: os.fspath(place or "")}, settings, listener)
+    wanted = {row.input: row.sha256} if recognizer else hashes
+    people = _people(wanted, places | {row.input: os.fspath(place or "")}, settings, listener)
     query = _query(row, people, settings)
-    recognizer = _recognizer(examples, people, settings)
+    recognizer = recognizer or _recognizer(examples, people, settings)
     distances = recognizer.distances([query])[0]
     found = explanation.explain(query, recognizer.library, distances, settings, recognizer.weights)
     return RowExplanation(row, found, _file_name(row, rows))

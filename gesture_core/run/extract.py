@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from gesture_core.cores import usable_cores
-from gesture_core.errors import Code, ModelError, PluginError, RunFolderError, WorkerError
+from gesture_core.errors import Code, ConfigError, ModelError, PluginError, RunFolderError, WorkerError
 from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.interfaces import Closeable, ExecutionEngine
 from gesture_core.plugin.registry import Registration, calling, registry
@@ -128,6 +128,8 @@ class OpenEngine:
                 code="E_STORE_WRITE",
             ) from error
         for outcome in self._run([Task(0, "try_model")], lambda task, count: None):
+            if isinstance(outcome.error, ConfigError):  # of the backend's options, not of the network
+                raise outcome.error
             if outcome.error and outcome.error.code == Code.POSE_PEOPLE:
                 outcome.error.subject = self._settings.pose.model
                 raise outcome.error

@@ -59,18 +59,18 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
         "extraction": REVISION,
         "settings": pose,
         "fps": settings.video.fps,
-        "backend": backend if backend == "auto" else str(plugins.find("pose", backend).origin),
+        "backend": backend if backend == "auto" else plugins.find("pose", backend).identity,
         "options": settings.plugin_options(settings.pose.backend),
         "reader": {
             "name": reader,
-            "origin": str(plugins.find("video", reader).origin),
+            "origin": plugins.find("video", reader).identity,
             "options": settings.plugin_options(reader),
         },
         "model": model,
     }
     readers = {
         name: {
-            "origin": str(plugins.find("reader", name).origin),
+            "origin": plugins.find("reader", name).identity,
             "options": settings.plugin_options(name),
             **shared,
         }
@@ -112,7 +112,7 @@ def run_configuration(
     return {
         "settings": tree,
         "keypoints": dict(identity),
-        "plugins": {f"{step.kind} {step.name}": str(step.origin) for step in steps},
+        "plugins": {f"{step.kind} {step.name}": step.identity for step in steps},
         "examples": {
             item.name: {
                 "label": item.label,

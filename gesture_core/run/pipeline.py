@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
+from gesture_core.files import without_cache
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.inputs import Input
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
@@ -24,6 +25,7 @@ from gesture_core.run.results import Committed, Results, open_results, run_folde
 from gesture_core.run.rows import contradicting_row, rows_of, unread_row
 from gesture_core.run.store import keypoint_store, prune
 from gesture_core.run.workers.engines import Assistant
+from gesture_core.run.workers.functions import encoded
 from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.types import Job, Row
 
@@ -41,6 +43,9 @@ class Listener:
 
     def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
         """The work is known: all inputs, those that still wait, the examples, the kernel."""
+
+    def stage(self, name: str) -> None:
+        """What is done from now on: ``keypoints``, ``fitting``, ``comparing`` or ``writing``."""
 
     def network(self, text: str) -> None:
         """What finds people in videos, and where, in words."""
@@ -212,19 +217,40 @@ class _Run:
             engine=self.request.engine,
             on_frames=self.listener.frames,
         ) as engine:
-            if plan.examples:
+            if plan.examples and not self._is_fitted():
                 taken = {item.key: found for item, found in self._extract(engine, examples)}
                 self._longest = max((found.seconds for found in taken.values()), default=0.0)
                 self._fit(taken)
             arrived: list[tuple[Input, Extracted]] = []
             last = time.monotonic()
+            self.listener.stage("keypoints")
             for item, found in self._extract(engine, readable):
                 self._warn_of_length(item, found)
                 arrived.append((item, found))
                 if len(arrived) >= _BATCH or time.monotonic() - last > _SECONDS_BETWEEN_BATCHES:
                     self._decide(arrived)
+                    self.listener.stage("keypoints")
                     arrived, last = [], time.monotonic()
             self._decide(arrived)
+            if plan.examples:
+                self.listener.stage("writing")
+                self.assistant.ask("keep_distances", {"run": encoded(self.request.out)})
+
+    def _is_fitted(self) -> bool:
+        """Whether an earlier run in this folder has fitted these examples, all of which could be used."""
+        if without_cache() or self.request.spot:
+            return False
+        asked = {**self._place, "examples": len(self.plan.examples)}
+        if not self.assistant.ask("open_fitted", asked, keep=True):
+            return False
+        for item in self.plan.examples:
+            self.listener.extracted(item.name, cached=True)
+        return True
+
+    @property
+    def _place(self) -> dict[str, str]:
+        """Where what is fitted lies, and what it belongs to."""
+        return {"run": encoded(self.request.out), "fingerprint": self.plan.fingerprint}
 
     def _warn_of_length(self, item: Input, found: Extracted) -> None:
         """Say of the first input that is much longer than the examples what is for such inputs."""
@@ -281,7 +307,8 @@ class _Run:
                 code="E_CONFIG_CHANGED",
             )
         self.results.set({"library": library})
-        self.assistant.ask("fit", keep=True)
+        self.listener.stage("fitting")
+        self.assistant.ask("fit", self._place, keep=True)
 
     def _example(self, item: Input, found: Extracted | None) -> Row | None:
         """Take an example; or the row that says why it cannot be used."""
@@ -309,7 +336,8 @@ class _Run:
         """Decide about the people in a batch of inputs, and commit their rows."""
         met = [(item, found) for item, found in batch if found.people and not found.code]
         decided: dict[bytes, tuple[list[dict[str, Any]], int]] = {}
-        if self.plan.examples:
+        if self.plan.examples and met:
+            self.listener.stage("comparing")
             together = 1 if self.request.spot else _TOGETHER
             for start in range(0, len(met), together):
                 decided |= self._decided(met[start : start + together])

@@ -20,7 +20,9 @@ from gesture_core.errors import ConfigError, RunFolderError
 from gesture_core.types import COLUMNS, Row
 
 DATABASE, LOCK = "run.db", "run.lock"
-OWN_FILES = frozenset({DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", LOCK})
+FITTED, DISTANCES = "run.fitted", "run.distances"
+"""The fitted examples of a run, and the distances of all pairs that were compared: both may be deleted."""
+OWN_FILES = frozenset({DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", LOCK, FITTED, DISTANCES})
 """What a run leaves in its folder besides its exports; it may lie among videos or examples."""
 _VERSION = 2
 _TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {

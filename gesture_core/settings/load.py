@@ -155,7 +155,9 @@ def _change(settings: Settings, section: str, values: Mapping[str, Any], origin:
     read = {}
     for name, value in values.items():
         if name not in hints:
-            raise ConfigError(f"{origin}: [{section}] has no {name!r}", remedy=_elsewhere(name, list(hints)))
+            raise ConfigError(
+                f"{origin}: [{section}] has no {name!r}", remedy=_elsewhere(name, list(hints), section)
+            )
         read[name] = _read(f"{section}.{name}", value, hints[name], origin)
     return replace(settings, **{section: replace(getattr(settings, section), **read)})
 
@@ -177,8 +179,8 @@ def find_key(key: str, settings: Settings, origin: str) -> tuple[str, str]:
     if dot:
         if section in SECTIONS and name not in fields_of(section):
             cause = f"{origin} {key!r}: [{section}] has no {name!r}"
-            raise ConfigError(cause, remedy=_elsewhere(name, fields_of(section)))
-        plugin = _plugin(section.removeprefix("options."), origin)
+            raise ConfigError(cause, remedy=_elsewhere(name, fields_of(section), section))
+        plugin = _plugin(section.removeprefix("options."), origin, name)
         if name in fields_of("keypoints") and not _takes(plugin, name):
             cause = f"{origin} {key!r}: what keypoint files leave open is said once for all readers"
             raise ConfigError(cause, remedy=f"keypoints.{name}", code="E_OPTION")
@@ -204,9 +206,8 @@ def find_key(key: str, settings: Settings, origin: str) -> tuple[str, str]:
             f"{origin} {key!r} is an option of {where}, which takes no part here",
             remedy=" or ".join(f"--preset {preset}" for preset in dict.fromkeys(p for p, _ in homes)),
         )
-    every = [(section, name) for section in SECTIONS for name in fields_of(section)]
-    spellings = [name for _, name in every] + [f"{section}.{name}" for section, name in every]
-    alike = difflib.get_close_matches(key, spellings, 3)
+    every = {name: section for section in SECTIONS for name in fields_of(section)}
+    alike = [f"{every[name]}.{name}" for name in difflib.get_close_matches(key, every, 3)]
     remedy = (
         f"did you mean {' or '.join(alike)}?"
         if alike
@@ -216,15 +217,28 @@ def find_key(key: str, settings: Settings, origin: str) -> tuple[str, str]:
     raise ConfigError(f"{origin} {key!r} is no setting", remedy=remedy)
 
 
-def _plugin(name: str, origin: str) -> str:
-    """``name``, if a section or a plugin is called so; ``gaussian:wide`` is a second ``gaussian``."""
-    if name in SECTIONS:
+def _plugin(name: str, origin: str, option: str = "") -> str:
+    """``name``, if a section or a plugin is called so; ``gaussian:wide`` is a second ``gaussian``.
+
+    With ``option``, an error names whole keys that are alike.
+    """
+    known = [*SECTIONS, *sorted({plugin for _, plugin in registry().entries})]
+    if name.partition(":")[0] in known:
         return name
-    for _, plugin in registry().entries:
-        if plugin == name.partition(":")[0]:
-            return name
-    known = sorted({plugin for _, plugin in registry().entries})
-    raise ConfigError(f"{origin} {name!r}: no such section or plugin", remedy=near(name, [*SECTIONS, *known]))
+    wrong = f"{name}.{option}" if option else name
+    raise ConfigError(
+        f"{origin} {wrong!r}: no such section or plugin",
+        remedy=_meant(name, option, known) if option else near(name, known),
+    )
+
+
+def _meant(section: str, name: str, known: Sequence[str]) -> str:
+    """A remedy for the key ``section.name``, whose section or plugin is not among those ``known``."""
+    alike = []
+    for owner in difflib.get_close_matches(section, known, 3):
+        names = difflib.get_close_matches(name, fields_of(owner), 1) if owner in SECTIONS else [name]
+        alike += [f"{owner}.{one}" for one in names]
+    return f"did you mean {' or '.join(alike)}?" if alike else near(section, known)
 
 
 def check_option(key: str, settings: Settings, origin: str) -> None:
@@ -258,9 +272,12 @@ def _takes(plugin: str, option: str) -> bool:
     return "reader" not in kinds or any(registry().takes(kind, plugin, option) for kind in kinds)
 
 
-def _elsewhere(name: str, known: Sequence[str]) -> str:
-    """A remedy for the name of a setting that its section lacks."""
-    return f"keypoints.{name}" if name in fields_of("keypoints") else near(name, known)
+def _elsewhere(name: str, known: Sequence[str], section: str) -> str:
+    """A remedy for the name of a setting that its ``section`` lacks: whole keys."""
+    if name in fields_of("keypoints"):
+        return f"keypoints.{name}"
+    alike = difflib.get_close_matches(name, known, 3) or known
+    return near(f"{section}.{name}", [f"{section}.{other}" for other in alike])
 
 
 def _toml_value(value: Any) -> Any:

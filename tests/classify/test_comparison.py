@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from gesture_core.classify.comparison import compare, divided, pair_sizes, parts
+from gesture_core.classify.comparison import Extents, compare, divided, pair_sizes, parts
 from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.classify.explanation import align
 from gesture_core.dtw.reference import reference_distance
@@ -54,7 +54,7 @@ def size(x: Signals, channels: np.ndarray, rest: float) -> float:
 @hypothesis_settings(max_examples=40, deadline=None)
 def test_sizes_are_those_of_the_common_channels(seed: int, rest: float) -> None:
     queries, examples = some(seed, 3), some(seed + 1, 2)
-    sizes, shares = pair_sizes(queries, examples, rest)
+    sizes, shares = pair_sizes(Extents.of(queries), Extents.of(examples), rest)
     every = np.ones(4, bool)
     for i, x in enumerate(queries):
         for j, y in enumerate(examples):

@@ -6,18 +6,20 @@ import pickle
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from sklearn.base import clone, is_classifier
 from sklearn.exceptions import NotFittedError
+from sklearn.metrics import roc_auc_score
 from sklearn.model_selection import GridSearchCV, cross_val_score
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 from swings import pose, swing
 
 from gesture_core import GestureClassifier, warping_distances
-from gesture_core.classify.comparison import common_share, compare
+from gesture_core.classify.comparison import Extents, common_share, compare
 from gesture_core.classify.recognizer import Recognizer
 from gesture_core.errors import ConfigError, InputError, PluginError, PoseError
 from gesture_core.settings import Settings, load_settings
@@ -157,7 +159,7 @@ def test_rejection_by_distance_and_by_calibration() -> None:
         model = GestureClassifier("modern", reject=reject).fit(poses, labels)
         (row,) = model.predictions([strange])
         assert (row.label, row.status, row.code) == (None, "rejected", "E_REJECTED")
-        assert model.predict([strange]).tolist() == [None]
+        assert model.predict([strange]).tolist() == ["(none)"]
     queries, truth = data(2, seed=5)
     assert GestureClassifier("modern", reject="calibrated").fit(poses, labels).score(queries, truth) > 0.6
 
@@ -190,7 +192,7 @@ def test_mirrored_examples_cost_their_factor() -> None:
 def test_a_distance_on_half_of_the_channels_counts_double() -> None:
     whole = Signals(np.zeros((4, 2)), np.arange(4), ("right_wrist_x", "left_wrist_x"))
     half = Signals(np.ones((4, 2)), np.arange(4), whole.channels, present=np.array([True, False]))
-    assert common_share([whole], [half]).tolist() == [[0.5]]
+    assert common_share(Extents.of([whole]), Extents.of([half])).tolist() == [[0.5]]
     plain = {"mirror": None, "relative": None}
     on, off = with_classify(coverage=True, **plain), with_classify(coverage=False, **plain)
     assert compare([whole], [half], on)[0, 0] == 2 * compare([whole], [half], off)[0, 0]
@@ -207,7 +209,7 @@ def test_a_person_who_stands_still_is_no_gesture_unless_an_example_stands_still_
     moving = GestureClassifier("modern").fit(poses, labels)
     (row,) = moving.predictions(queries[:1])
     assert (row.label, row.status, row.code) == (None, "rejected", "E_NO_SALIENT")
-    assert moving.predict([poses[0], queries[0]]).tolist() == ["up", None]
+    assert moving.predict([poses[0], queries[0]]).tolist() == ["up", "(none)"]
     both = GestureClassifier("modern").fit([*poses, queries[0]], [*labels, "waiting"])
     assert both.predictions(queries[1:])[0].label == "waiting"
     truth = data(1, seed=9)
@@ -217,7 +219,7 @@ def test_a_person_who_stands_still_is_no_gesture_unless_an_example_stands_still_
 def test_what_is_rejected_has_the_label_that_metrics_need() -> None:
     poses, labels = data()
     still = pose(swing(size=0.0, frames=30) + np.random.default_rng(0).normal(0, 0.5, (30, 18, 2)))
-    model = GestureClassifier("modern", rejected_label="(none)").fit(poses, labels)
+    model = GestureClassifier("modern").fit(poses, labels)
     assert model.predict([still, poses[8]]).tolist() == ["(none)", "side"]
     scores = cross_val_score(model, [*poses, still], [*labels, "side"], cv=3, scoring="accuracy")
     assert np.isfinite(scores).all() and scores.mean() < 1
@@ -342,13 +344,116 @@ def test_a_query_that_cannot_be_compared_gets_its_own_row_with_its_own_number() 
 
 def test_a_label_for_the_rejected_keeps_the_type_of_the_others() -> None:
     examples, far = [np.zeros((3, 1)), np.ones((3, 1))], np.full((3, 1), 9.0)
-    for labels, instead in (([0, 1], -1), (["a", "b"], "none at all")):
-        model = GestureClassifier("paper", "numpy", reject=0.5, rejected_label=instead).fit(examples, labels)
+    cases: tuple[tuple[list[object], object, object], ...] = (
+        ([0, 1], None, -1), ([0, 1], 7, 7), ([0.5, 1.5], None, -1.0), ([False, True], None, -1),
+        (["a", "b"], None, "(none)"), (["a", "b"], "none at all", "none at all"),
+    )  # fmt: skip
+    for labels, given, instead in cases:
+        model = GestureClassifier("paper", "numpy", reject=0.5, rejected_label=given).fit(examples, labels)
         found = model.predict([far, examples[1]])
-        assert found.tolist() == [instead, labels[1]]
-        assert found.dtype.kind == np.array(labels).dtype.kind
-    pair = GestureClassifier("paper", "numpy", reject=0.5, rejected_label=(1, 2)).fit(examples, [0, 1])
-    assert pair.predict([far, far]).tolist() == [(1, 2), (1, 2)]
+        assert found.tolist() == [instead, labels[1]] and model.rejected_label_ == instead
+        assert found.dtype.kind == np.array(labels).dtype.kind or labels == [False, True]
+    wrong: tuple[tuple[list[object], object], ...] = (
+        ([0, 1], (1, 2)), ([0, 1], "x"), ([0, 1], 1), ([-1, 1], None), (["a", "b"], 3),
+    )  # fmt: skip
+    for labels, given in wrong:
+        with pytest.raises(ConfigError, match="E_LABELS"):
+            GestureClassifier("paper", "numpy", rejected_label=given).fit(examples, labels)
+
+
+@pytest.mark.parametrize("neighbors", [0, 1, 3])
+def test_scores_and_probabilities_agree_with_the_labels(neighbors: int) -> None:
+    poses, labels = data(4)
+    queries, truth = data(2, seed=5)
+    model = GestureClassifier("modern", "numpy", n_neighbors=neighbors).fit(poses, labels)
+    scores, shares = model.decision_function(queries), model.predict_proba(queries)
+    assert scores.shape == shares.shape == (6, 3)
+    np.testing.assert_allclose(shares.sum(axis=1), 1)
+    found = model.predict(queries).tolist()
+    assert model.classes_[scores.argmax(axis=1)].tolist() == found == truth
+    assert model.classes_[shares.argmax(axis=1)].tolist() == found
+    assert (shares.max(axis=1) < 1).all(), "few examples make no certainty"
+    two = GestureClassifier("modern", "numpy", n_neighbors=neighbors).fit(poses[:8], labels[:8])
+    assert two.decision_function(queries).shape == (6,)
+    assert ((two.decision_function(poses[:8]) > 0) == (np.array(labels[:8]) == two.classes_[1])).all()
+    assert roc_auc_score(np.array(labels[:8]) == "up", two.predict_proba(poses[:8])[:, 1]) == 1
+
+
+def test_probabilities_are_those_of_examples_that_are_left_out() -> None:
+    random = np.random.default_rng(0)
+    codes = np.repeat([0, 1], 60)
+    places = codes + random.normal(0, 0.8, 120)
+    arrays = [np.full((3, 1), place) for place in places]
+    model = GestureClassifier("paper", "numpy", n_neighbors=1).fit(arrays, codes.tolist())
+    asked = np.repeat([0, 1], 300) + random.normal(0, 0.8, 600)
+    truth = np.repeat([0, 1], 300)
+    shares = model.predict_proba([np.full((3, 1), place) for place in asked])
+    right = shares.argmax(axis=1) == truth
+    assert abs(shares.max(axis=1).mean() - right.mean()) < 0.08
+    with pytest.raises(InputError, match="no class has two examples"):
+        GestureClassifier("paper", "numpy").fit(arrays[:1] + arrays[-1:], [0, 1]).predict_proba(arrays[:1])
+
+
+def test_settings_are_parameters() -> None:
+    poses, labels = data()
+    model = GestureClassifier("modern", "numpy")
+    assert model.get_params()["classify__sharpness"] == load_settings("modern").classify.sharpness
+    assert set(model.get_params(deep=False)) == {
+        "preset", "kernel", "n_neighbors", "reject", "rejected_label", "settings",
+    }  # fmt: skip
+    model.set_params(classify__mirror=1.7, gaussian__seconds=0.05, n_neighbors=1)
+    twin = clone(model).fit(poses, labels)
+    assert twin.settings_.classify.mirror == model.get_params()["classify__mirror"] == 1.7
+    assert twin.settings_.options["gaussian"]["seconds"] == 0.05 and twin.n_neighbors_ == 1
+    with pytest.raises(ConfigError, match=r"did you mean classify\.mirror"):
+        model.set_params(classify__miror=1.7)
+    search = GridSearchCV(GestureClassifier("modern", "numpy"), {"classify__mirror": [1.1, None]}, cv=3)
+    assert set(search.fit(poses, labels).cv_results_["param_classify__mirror"].tolist()) == {1.1, None}
+
+
+@pytest.mark.parametrize("kind", ["poses", "arrays"])
+def test_a_classifier_is_saved_and_loaded_without_pickle(kind: str, tmp_path: Path) -> None:
+    poses, labels = data()
+    queries, answers = data(1, seed=5)[0], np.array([{"up": 3, "twice": 1, "side": 2}[x] for x in labels])
+    model = GestureClassifier("modern", "numpy", reject="calibrated", settings={"classify.mirror": 1.4})
+    if kind == "arrays":
+        poses, queries = ([np.nan_to_num(p.keypoints[:, 4]) for p in some] for some in (poses, queries))
+    model.fit(poses, list(answers) if kind == "arrays" else labels)
+    model.save(tmp_path / "model")
+    twin = GestureClassifier.load(tmp_path / "model")
+    assert twin.predict(queries).tolist() == model.predict(queries).tolist()
+    assert twin.predict(queries).dtype == model.predict(queries).dtype
+    assert twin.get_params() == model.get_params()
+    np.testing.assert_array_equal(twin.predict_proba(queries), model.predict_proba(queries))
+    assert twin.predictions(queries) == model.predictions(queries)
+    assert b"pickle" not in (tmp_path / "model").read_bytes()
+    for wrong in (b"", b"PK\x03\x04", (tmp_path / "model").read_bytes()[:-900]):
+        (tmp_path / "other").write_bytes(wrong)
+        with pytest.raises(InputError, match="E_INPUT"):
+            GestureClassifier.load(tmp_path / "other")
+    with pytest.raises(InputError, match="E_NOT_FOUND"):
+        GestureClassifier.load(tmp_path / "absent")
+
+
+def test_paths_and_tensors_get_a_sentence() -> None:
+    import jax
+    import jax.numpy as jnp
+    import torch
+
+    arrays = [np.zeros((3, 1)), np.ones((3, 1))]
+    model = GestureClassifier("paper", "numpy").fit(arrays, ["a", "b"])
+    for paths in (["clip.avi"], [Path("clip.avi")], "clips/", Path("clips")):
+        with pytest.raises(InputError, match="load_poses"):
+            model.predict(paths)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="load_poses"):
+        GestureClassifier("paper").fit(["clip.avi"], ["a"])  # type: ignore[list-item]
+    with pytest.raises(InputError, match=r"requires grad.*try: tensor.detach"):
+        model.predict([torch.ones((3, 1), requires_grad=True)])  # type: ignore[list-item]
+    with pytest.raises(InputError, match="outside of jit"):
+        jax.jit(lambda x: model.predict([x]))(jnp.ones((3, 1)))
+    for one in (np.zeros((60, 3)), torch.zeros(60, 3), jnp.zeros((60, 3))):
+        with pytest.raises(InputError, match=r"one array of shape \(60, 3\)"):
+            warping_distances(one, one, kernel="numpy")  # type: ignore[arg-type]
 
 
 def test_it_works_in_a_pipeline_and_survives_pickling() -> None:

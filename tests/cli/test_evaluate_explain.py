@@ -125,7 +125,13 @@ def test_without_matplotlib_only_the_pictures_are_missing(
     archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for module in ("matplotlib", "matplotlib.figure"):
+    for module in (
+        "matplotlib",
+        "matplotlib.figure",
+        "sklearn",
+        "sklearn.metrics",
+        "sklearn.model_selection",
+    ):
         monkeypatch.setitem(sys.modules, module, None)
     chosen = ["--preset", "paper", "--set", "t_var=0.02"]
     assert run(["evaluate", str(archive), "--protocol", "leave-one-out", *chosen, "--out", "scores"]) == 0
@@ -144,19 +150,30 @@ def test_without_matplotlib_only_the_pictures_are_missing(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
-def test_what_is_written_is_there_though_nobody_reads_the_table(archive: Path, tmp_path: Path) -> None:
-    out = tmp_path / "scores"
-    chosen = ["--protocol", "leave-one-out", "--preset", "paper", "--set", "t_var=0.02", "--out", str(out)]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "gesture_core", "evaluate", str(archive), *chosen],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    )
-    assert process.stdout is not None
-    process.stdout.close()
-    assert process.wait() == 141
-    names = ["answers.csv", "confusion.png", "evaluation.json", "rejection.png"]
-    assert sorted(path.name for path in out.iterdir()) == names
+def test_what_is_written_is_there_though_nobody_reads_what_is_said(archive: Path, tmp_path: Path) -> None:
+    plain = "--preset paper --kernel numpy --set t_var=0.02"
+    commands = {
+        "evaluate {archive} --protocol leave-one-out --out {out}/scores " + plain:
+            "scores/answers.csv scores/confusion.png scores/evaluation.json scores/rejection.png",
+        "classify {archive} --examples {archive} --out {out}/run " + plain: "run/run.db run/run.fitted",
+        "explain {out}/run up_C.npy --out {out}/why.png": "why.png",
+        "export {out}/run --to {out}/rows.csv": "rows.csv",
+        "extract {archive} --out {out}/poses --preset paper": "poses/keypoints/up/up_C.npy.parquet",
+        "bench --kernel numpy --series 2 --out {out}/bench.json": "bench.json",
+        "plugins new filter speed --out {out}": "gesture-speed/pyproject.toml",
+    }  # fmt: skip
+    for command, files in commands.items():
+        words = command.format(archive=archive, out=tmp_path).split()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "gesture_core", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        process.stderr.close()
+        assert process.wait() == 141, words
+        assert all((tmp_path / name).is_file() for name in files.split()), words
+    rows = list(csv.DictReader((tmp_path / "rows.csv").open()))
+    assert len(rows) == 9 and {row["status"] for row in rows} == {"ok"}
 
 
 def test_a_kernel_gets_its_options_for_the_fingerprint_too(archive: Path, tmp_path: Path) -> None:
@@ -310,6 +327,14 @@ def test_explain_says_why(
     monkeypatch.chdir("/")
     assert run(["explain", str(tmp_path / "run"), "up_C.npy"]) == 0, "a run is explained from any folder"
     monkeypatch.chdir(tmp_path)
-    (examples / "up" / "up_A.npy").write_bytes((archive / "up" / "up_B.npy").read_bytes())
-    assert run(["explain", "run", "up_C.npy"]) == 1
+    changed = next(tmp_path.rglob("twin/knee_C.npy"))
+    changed.write_bytes((archive / "up" / "up_B.npy").read_bytes())
+    assert run(["explain", "run", "twin/knee_C.npy"]) == 1
     assert "has changed since the run" in capsys.readouterr().err
+    # What is fitted belongs to the run folder: the examples may be gone, the input may not.
+    shutil.rmtree(examples)
+    assert run(["explain", "run", "up_C.npy"]) == 0
+    assert "examples/up/up_A.npy" in capsys.readouterr().out
+    Path("run/run.fitted").write_bytes(b"damaged")
+    assert run(["explain", "run", "up_C.npy"]) == 2, "it is fitted again, of examples that are not there"
+    assert "is not where the run found it" in capsys.readouterr().err

@@ -54,8 +54,42 @@ def test_reasons_stand_below_the_worst_first(capsys: pytest.CaptureFixture[str])
     first, second = capsys.readouterr().out.splitlines()
     assert first == "error E_MEDIA_BROKEN in/c\\x1b[2J.mp4: no"
     assert second == "skipped E_NOT_AN_INPUT in/b.mp4: neither"
-    print_reasons(rows()[1:2] * 30)
+    print_reasons(rows()[2:] * 30)
     assert "… and 10 more reasons" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_rows_without_a_label_for_one_reason_are_one_group(capsys: pytest.CaptureFixture[str]) -> None:
+    near = (("examples/wave/1.mp4", "wave", 0.25),)
+    far = [
+        Row(f"in/{n}.mp4", distance=0.9, neighbors=near, status="rejected", code="E_REJECTED", message="far")
+        for n in range(3)
+    ]
+    print_reasons(
+        [
+            *rows(),
+            *far,
+            *(Row(f"in/{n}.md", status="skipped", code="E_NOT_AN_INPUT", message="n") for n in "xy"),
+        ]
+    )
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("error E_MEDIA_BROKEN") and lines[1].startswith("3 rejected E_REJECTED: ")
+    assert (
+        "would have been" in "\n".join(lines)
+        and sum("wave" in line and "0.900" in line for line in lines) == 3
+    )
+    assert lines[-2].startswith("3 skipped E_NOT_AN_INPUT: ") and lines[-1] == "  b.mp4, x.md, y.md"
+
+
+def test_clips_of_one_name_carry_their_folders(capsys: pytest.CaptureFixture[str]) -> None:
+    paths = ("ex/wave/anna/1.mp4", "ex/wave/ben/1.mp4", "ex/clap/2.mp4")
+    row_table(
+        [
+            Row(f"{n}", neighbors=((path, path.split("/")[1], 0.1),), status="ok")
+            for n, path in enumerate(paths)
+        ]
+    )
+    shown = capsys.readouterr().out
+    assert " anna/1.mp4" in shown and " ben/1.mp4" in shown and " clap/2.mp4" in shown
 
 
 def test_words() -> None:

@@ -35,7 +35,10 @@ def test_the_bar_ends_at_its_end(capsys: pytest.CaptureFixture[str]) -> None:
     go(bar)
     total: float | None = bar.shown.total
     assert (bar.shown.completed, total) == (6, 6)
-    assert "frames/s" in bar.shown.fields["speed"]
+    assert bar.shown.fields["speed"].startswith("40 frames, ")
+    assert bar.shown.description == "keypoints"
+    bar.stage("fitting")
+    assert bar.shown.description == "fitting", "a wait says what for"
     assert "{" not in capsys.readouterr().err, "events are for programs"
 
 
@@ -55,6 +58,7 @@ def test_events_count_to_the_end(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert events[0] == {**planned, "sources": ["in"], "example_sources": ["ex", "more"]}
     assert [event["event"] for event in events].count("example_failed") == 2
     assert (events[-1]["files"], events[-1]["of"], events[-1]["seconds_left"]) == (6, 6, 0)
+    assert (events[-1]["frames"], events[-1]["stage"]) == (40, "keypoints")
 
 
 def test_a_terminal_is_told_first_what_is_worked_on(

@@ -51,10 +51,11 @@ def test_a_key_is_shown_in_full(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("key", "hint"),
     [
-        ("dtw.windw", "did you mean window?"),
-        ("windw", "did you mean window or dtw.window"),
+        ("dtw.windw", "did you mean dtw.window"),
+        ("windw", "did you mean dtw.window"),
         ("gaussian.sgima", "did you mean gaussian.sigma"),
-        ("gausian.sigma", "did you mean gaussian"),
+        ("gausian.sigma", "did you mean gaussian.sigma?"),
+        ("clasify.margn", "did you mean classify.margin?"),
         ("t_var", "--preset paper"),
         ("center.nothing", "center.share"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 
 from gesture_core.cli.classify import say_summary
 from gesture_core.run.pipeline import RunSummary
+from gesture_core.types import Row
 
 
 def said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], **facts: object) -> list[str]:
@@ -27,6 +29,28 @@ def test_labels_are_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
     ]
     many = said(monkeypatch, capsys, classes={f"c{n:02d}": 1 for n in range(35)})
     assert many[1].endswith("c29 1, and 5 more")
+
+
+def test_labels_and_what_is_right_of_them_are_counted(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = (("wave", "wave"), ("wave", "clap"), ("clap", "clap"), ("clap", None))
+    rows = [
+        Row(f"in/{folder}/x.mp4", label=label, status="ok" if label else "rejected")
+        for folder, label in given
+    ]
+    summary = RunSummary(Path("run"), {"ok": 3, "rejected": 1}, classes={"clap": 1, "wave": 2})
+    with monkeypatch.context() as patch:
+        patch.setattr(sys.stderr, "isatty", lambda: True)
+        say_summary(summary, rows)
+        said = capsys.readouterr().err
+        assert "labels: (none) 1, clap 2, wave 1\n" in said
+        assert "2 of 4 labels are those of the inputs' folders (50.0%)\n" in said
+        say_summary(summary, [*rows, Row("in/monday/x.mp4", label="wave", status="ok")])
+        assert "folders" not in capsys.readouterr().err, "monday is no label"
+    say_summary(summary, rows)
+    event = json.loads(capsys.readouterr().err)
+    assert event["labels"] == {"(none)": 1, "clap": 2, "wave": 1} and event["right"] == 2
 
 
 def test_one_label_is_no_choice(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -205,5 +205,5 @@ def test_check_finds_what_only_making_a_plugin_shows(tmp_path: Path) -> None:
     assert "its constructor takes no 'model'" in shown
     assert "raised LookupError: nothing here" in shown
     assert "it has no normalize, as every normalizer does" in shown
-    (needy,) = (line for line in checked.stdout.splitlines() if " needy " in line)
-    assert " ok " in needy  # its option has no default, so that only the user can make it
+    (needy,) = (line for line in checked.stdout.splitlines() if '"needy"' in line)
+    assert '"ok"' in needy  # its option has no default, so that only the user can make it

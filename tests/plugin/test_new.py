@@ -92,8 +92,8 @@ def test_they_are_listed_with_their_origin_and_options(installed: Path) -> None:
     listed = gesture("plugins", "--check", path=installed)
     assert listed.returncode == 0, listed.stdout
     for name in NAMES.values():
-        line = next(line for line in listed.stdout.splitlines() if f" {name} " in line)
-        assert f"gesture-{name} 0.1.0" in line and " ok " in line
+        line = next(line for line in listed.stdout.splitlines() if f'"{name}"' in line)
+        assert f"gesture-{name} 0.1.0" in line and '"ok"' in line
     shown = gesture("plugins", "hips", path=installed).stdout
     assert "hips.minimum" in shown and "--set signals.normalizer=hips" in shown
 

@@ -17,6 +17,7 @@ import pytest
 from distributions import gesture, make_distribution
 
 from gesture_core import classify_archive, load_poses
+from gesture_core.classify.recognizer import Recognizer
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, GestureError, InputError, RunFolderError
 from gesture_core.files import TEMPORARY
@@ -134,6 +135,26 @@ def test_new_and_changed_inputs_are_all_that_is_done(drawn: DemoArchive, tmp_pat
     after = {row.input: row for row in summary.rows()}
     changed = {Path(name).name for name in after if after[name] != before.get(name)}
     assert changed == {"clip_03", "clip_05"}
+
+
+def test_a_resumed_run_fits_nothing(
+    drawn: DemoArchive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(inputs: list[str], out: str) -> dict[str, Row]:
+        chosen = [drawn.video_keypoints / name for name in inputs]
+        summary = classify_archive(
+            chosen, drawn.example_keypoints, tmp_path / out, engine="inline", classify__kernel="numpy"
+        )
+        return {Path(row.input).name: row for row in summary.rows()}
+
+    both = run(["clip_01", "clip_02"], "both")
+    run(["clip_01"], "run")
+    with monkeypatch.context() as patch:
+        patch.setattr(Recognizer, "fit", None)
+        assert run(["clip_01", "clip_02"], "run") == both
+    (tmp_path / "run" / "run.fitted").write_bytes(b"damaged")
+    (tmp_path / "run" / "run.distances").unlink()
+    assert run(["clip_01", "clip_02", "clip_03"], "run")["clip_02"] == both["clip_02"]
 
 
 def test_bad_inputs_are_rows_and_lose_nothing_else(drawn: DemoArchive, tmp_path: Path) -> None:

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from gesture_core import __version__
 from gesture_core.classify.comparison import check_settings
+from gesture_core.classify.known import KnownDistances
 from gesture_core.classify.recognizer import Recognizer, signals_of
+from gesture_core.classify.saved import load_recognizer, save_recognizer
 from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
+from gesture_core.files import tree_sha256
 from gesture_core.plugin.registry import calling, registry
+from gesture_core.run.results import DISTANCES, FITTED
 from gesture_core.settings import Settings
 from gesture_core.spot.spotter import Spotter
 from gesture_core.types import Event, PoseSequence, Prediction, Signals
@@ -46,6 +52,7 @@ class Decider:
         self._entry = registry().find("kernel", self.kernel)
         self._settings = replace(settings, classify=replace(settings.classify, kernel=self.kernel))
         self._recognizer: Recognizer | None = None
+        self._known: KnownDistances | None = None
         self._spotter: Spotter | None = None
         self._poses: list[PoseSequence] = []
         self._signals: list[Signals] = []
@@ -72,11 +79,21 @@ class Decider:
         if self._spot:
             self._poses.append(people[0])
 
-    def fit(self, alive: Callable[[], None]) -> None:
+    def fit(self, run: Path, fingerprint: str, alive: Callable[[], None]) -> None:
         """All examples are there; a PluginError where the kernel fails at comparing them.
 
-        ``alive`` is called while they are compared with each other.
+        What is fitted stays in the run folder with the distances, so that each pair is compared once.
+
+        Parameters
+        ----------
+        run : Path
+            The run folder.
+        fingerprint : str
+            Of the run.
+        alive : callable
+            Called while examples are compared with each other.
         """
+        known = KnownDistances.read(run / DISTANCES, self._compared_by())
         with calling(self._entry, kept="the keypoints", remedy="another --kernel, or report it"):
             if self._spot:
                 self._spotter = Spotter(
@@ -84,8 +101,35 @@ class Decider:
                 )
                 return
             self._recognizer = Recognizer.fit(
-                self._settings, self._signals, self._labels, self._names, alive=alive
+                self._settings, self._signals, self._labels, self._names, alive=alive, known=known
             )
+        self._known = known
+        facts = {"fingerprint": fingerprint, "examples": len(self._signals)}
+        save_recognizer(self._recognizer, run / FITTED, facts)
+        self.keep(run)
+
+    def open(self, run: Path, fingerprint: str, examples: int) -> bool:
+        """Take the fitted examples that `fit` has left in the run folder; False where it has not.
+
+        They are all ``examples`` of the run: of one that cannot be used, the run is to say why.
+        """
+        known = KnownDistances.read(run / DISTANCES, self._compared_by())
+        self._recognizer = open_fitted(run, fingerprint, known, examples)
+        self._known = known if self._recognizer else None
+        return self._recognizer is not None
+
+    def keep(self, run: Path) -> None:
+        """Leave the distances in the run folder."""
+        if self._known is not None:
+            self._known.write(run / DISTANCES)
+
+    def _compared_by(self) -> str:
+        """A hash of everything but the pair that decides a distance."""
+        tree = self._settings.as_dict()
+        decide = ("kernel", "mirror", "coverage", "separate", "relative", "rest")
+        chosen = {name: tree["classify"][name] for name in decide}
+        options, still = self._settings.plugin_options(self.kernel), tree["signals"]["still"]
+        return tree_sha256([__version__, self._entry.identity, tree["dtw"], chosen, options, still])
 
     def spot(self, pose: PoseSequence, alive: Callable[[], None]) -> tuple[list[Event], str]:
         """The events in a recording of one person, and what could not be searched.
@@ -110,3 +154,19 @@ class Decider:
             if len(poses) == 1:
                 return [Prediction(None, "error", code=error.code, message=error.message)]
         return [prediction for pose in poses for prediction in self.predict([pose])]
+
+
+def open_fitted(
+    run: Path, fingerprint: str, known: KnownDistances | None = None, examples: int | None = None
+) -> Recognizer | None:
+    """The fitted examples that a run has left in its folder.
+
+    None where there are none, or those of other settings or examples, or of another version: they are a
+    copy of what can be fitted again.
+    """
+    try:
+        recognizer, facts = load_recognizer(run / FITTED, known)
+    except InputError:
+        return None
+    count = facts.get("examples") if examples is None else examples
+    return recognizer if (fingerprint, count) == (facts.get("fingerprint"), facts.get("examples")) else None

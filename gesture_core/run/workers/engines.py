@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from gesture_core.plugin.registry import show_tracebacks
 from gesture_core.run.workers.worker import Worker
 from gesture_core.settings import LimitSettings
 from gesture_core.types import Job, Outcome, Task
@@ -18,11 +19,17 @@ OnFrames = Callable[[Task, int], None]
 
 @dataclass
 class InlineEngine:
-    """Performs tasks one after the other in this process, without limits: a crash ends the run."""
+    """Performs tasks one after the other in this process, without limits: a crash ends the run.
+
+    It is for debugging: until it is closed, an exception of a plugin is printed with its lines.
+    """
 
     workers: int
     limits: LimitSettings
     _worker: Worker | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        show_tracebacks(True)
 
     def run(
         self, job: Job, tasks: Sequence[Task], on_frames: OnFrames, *, retry: bool = True
@@ -42,6 +49,7 @@ class InlineEngine:
     def close(self) -> None:
         """Forget what the tasks have left behind."""
         self._worker = None
+        show_tracebacks(False)
 
 
 class Assistant:

@@ -119,10 +119,21 @@ def add_example(worker: Worker, name: str, label: str, stored: str) -> None:
     worker.decider.add(name, label, _people(worker, stored, name))
 
 
-def fit(worker: Worker) -> None:
-    """Compare the examples, where the decision needs it."""
+def fit(worker: Worker, run: str, fingerprint: str) -> None:
+    """Compare the examples, where the decision needs it, and leave what is fitted in the run folder."""
     worker.report({"slow": True})
-    worker.decider.fit(worker.alive)
+    worker.decider.fit(decoded(run), fingerprint, worker.alive)
+
+
+def open_fitted(worker: Worker, run: str, fingerprint: str, examples: int) -> bool:
+    """Take what `fit` has left in the run folder; False where that is of other settings or examples."""
+    worker.report({"slow": True})
+    return worker.decider.open(decoded(run), fingerprint, examples)
+
+
+def keep_distances(worker: Worker, run: str) -> None:
+    """Leave the distances of this run in its folder."""
+    worker.decider.keep(decoded(run))
 
 
 def decide(worker: Worker, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[str, Any]]]:
@@ -185,8 +196,8 @@ def write_rows(worker: Worker, run: str, format: str, path: str) -> None:
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        try_model, extract, accepts, refusal, members, open_classifier, add_example, fit, decide, spot,
-        suffix, write_rows,
+        try_model, extract, accepts, refusal, members, open_classifier, add_example, fit, open_fitted, decide,
+        keep_distances, spot, suffix, write_rows,
     )
 }  # fmt: skip
 """Every function that a task may name; each takes the `Worker` and the task's arguments."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import queue
 import signal
@@ -17,6 +18,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import IO, Any
 
 from gesture_core.errors import WorkerError
+from gesture_core.plugin.registry import tracebacks
 from gesture_core.run.workers.worker import from_tree
 from gesture_core.settings import LimitSettings
 from gesture_core.types import Job, Outcome, Task
@@ -254,6 +256,9 @@ class WorkerProcess:
                     self._ready = True
                     if "plugin" in message:  # kept here, as nobody waits for it
                         self._plugin = str(message["plugin"])
+                    elif "note" in message:
+                        logging.getLogger("gesture_core").warning(str(message["note"]))
+                        self._seen = time.monotonic()
                     else:
                         inbox.put((self, message))
         finally:
@@ -262,6 +267,8 @@ class WorkerProcess:
     def _read_errors(self, pipe: IO[str]) -> None:
         with suppress(ValueError, OSError):
             for line in pipe:
+                if tracebacks():
+                    print(line, end="", file=sys.stderr, flush=True)
                 if line.strip():
                     self._error_lines.append(line.strip()[:200])
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import logging
 import os
 import queue
 import signal
@@ -106,6 +107,7 @@ def main() -> None:
         except BrokenPipeError:  # the parent is gone; nobody is left to be answered
             os._exit(1)
 
+    logging.getLogger("gesture_core").addHandler(_Notes(report))
     header = json.loads(sys.stdin.readline())
     _limit_memory(int(header["memory"]))
     worker = Worker(Job(**header["job"]), report)
@@ -128,6 +130,17 @@ def main() -> None:
         except (TypeError, ValueError) as error:
             cause = f"worker function {task.function!r} has a value that is no plain one: {error}"
             report({"value": None, "error": as_tree(PluginError(cause, code="E_PLUGIN_CONTRACT"))})
+
+
+class _Notes(logging.Handler):
+    """What the package and its plugins log, as messages to the parent."""
+
+    def __init__(self, report: Callable[[dict[str, Any]], None]) -> None:
+        super().__init__(logging.WARNING)
+        self._report = report
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._report({"note": record.getMessage()})
 
 
 def as_tree(error: GestureError) -> dict[str, str]:

@@ -110,10 +110,15 @@ class Scratch(NamedTuple):
 
 
 def make_batch(batch: SignalBatch, spec: DtwSpec) -> Batch:
-    """Weight and turn a batch; `warping_dtype` says in which precision."""
+    """Weight and turn a batch; `warping_dtype` says in which precision.
+
+    The arrays are copies, since compiled code tells one memory order, and what may be written, from another:
+    it would be compiled again for each.
+    """
     weighed = weighted(batch.values, spec).astype(warping_dtype(batch.values.dtype, spec), copy=False)
-    values = np.ascontiguousarray(weighed.transpose(0, 2, 1))
-    return Batch(values, batch.lengths, batch.masks & batch.present, batch.present)
+    values = np.array(weighed.transpose(0, 2, 1), order="C")
+    masks = np.array(batch.masks & batch.present, order="C")
+    return Batch(values, np.array(batch.lengths), masks, np.array(batch.present, order="C"))
 
 
 def make_bands(n: np.ndarray, m: np.ndarray, spec: DtwSpec) -> Bands:
