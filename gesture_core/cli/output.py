@@ -188,7 +188,7 @@ def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
             start, end, score = (
                 "" if value is None else f"{value:.2f}" for value in (row.start, row.end, row.score)
             )
-            cells.append([name, start, end, row.label or "-", score, _nearest(row), status])
+            cells.append([name, start, end, row.label or "-", score, _nearest(row, clips), status])
         elif what == "labels":
             numbers = ["" if value is None else f"{value:.3f}" for value in (row.distance, row.margin)]
             cells.append([name, row.label or "-", *numbers, _nearest(row, clips), status])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from distributions import gesture
-from troubles import write_clip
+from troubles import FIGURE, write_clip
 
 from gesture_core import classify_archive, load_poses
 from gesture_core.errors import ConfigError, InputError
@@ -125,11 +125,11 @@ def test_one_clip_under_two_labels_decides_nothing(folder: Path) -> None:
 
 
 def test_sequences_of_one_file_are_told_apart_by_their_names(folder: Path) -> None:
-    rng = np.random.default_rng(0)
-    walks: dict[str, Any] = {
-        f"{name}_1": np.cumsum(rng.normal(0, 5, (30, 18, 2)), 0) + 300 for name in ("up", "down")
-    }
-    np.savez(folder / "examples.npz", **walks)
+    moved = {f"{name}_1": np.tile(FIGURE * 200 + 50, (30, 1, 1)) for name in ("up", "down")}
+    moved["up_1"][:, 4, 1] -= np.linspace(0, 150, 30)
+    moved["down_1"][:, 7, 1] += np.linspace(0, 150, 30)
+    clips: dict[str, Any] = dict(moved)
+    np.savez(folder / "examples.npz", **clips)
     shutil.copy(folder / "examples.npz", folder / "copy.npz")
     summary = classify_archive(
         folder / "videos",

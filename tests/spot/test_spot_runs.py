@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from gesture_core import classify_archive, evaluate_events, load_poses, spot_arc
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.types import PoseSequence
 
-CHANGES = {"spot__tempos": ()}
+CHANGES: dict[str, Any] = {"spot__tempos": ()}
 
 
 def save(path: Path, pose: PoseSequence) -> None:

@@ -59,7 +59,9 @@ def kind_of(path: Path) -> Literal["frame", "list", "other"]:
 
     people = has("people") or has("bodies")
     if head.startswith(b"["):
-        if has("image_id", "keypoints") or has("frame_id", "instances") or head.strip() in (b"[]", b"[ ]"):
+        # A clip in which nobody was found is an empty list, but not by the name of a frame.
+        nobody = head.strip() in (b"[]", b"[ ]") and not path.name.lower().endswith("_keypoints.json")
+        if has("image_id", "keypoints") or has("frame_id", "instances") or nobody:
             return "list"
         return "frame" if has("keypoints", "keypoint_scores") or has("keypoints", "class") else "other"
     if not head.startswith(b"{"):
