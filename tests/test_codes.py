@@ -82,7 +82,7 @@ def test_what_is_rejected_is_not_an_error() -> None:
     rejected = {code for code in Code if code.status == "rejected"}
     assert rejected == {
         "E_NO_PERSON", "E_POSE_SHORT", "E_POSE_SPARSE", "E_POSE_SCALE",
-        "E_NO_SALIENT", "E_NO_COMMON", "E_REJECTED", "E_UNSURE",
+        "E_NO_SALIENT", "E_NO_COMMON", "E_NO_EVENT", "E_REJECTED", "E_UNSURE",
     }  # fmt: skip
     assert {code for code in Code if code.status == "skipped"} == {"E_NOT_AN_INPUT"}
     assert {code for code in Code if code.plugin} == {
