@@ -62,7 +62,7 @@ for _name, _help in _COMMANDS.items():
 _WITH_SETTINGS = {"extract": ("pose", "keypoints", "limits"), "render": ("pose", "limits"), "bench": ("dtw",)}
 """Sections whose settings have a meaning in a command that knows some alone."""
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
-_EVERYWHERE = {"--traceback": "GESTURE_TRACEBACK", "--no-cache": "GESTURE_NO_CACHE"}
+FLAGS_OF_EVERY_COMMAND = {"--traceback": "GESTURE_TRACEBACK", "--no-cache": "GESTURE_NO_CACHE"}
 """Flags of every command, and the variables that are the same."""
 _REPEATED = ("--set", "--grid", "--contract")
 """Options that take one key=value, and may be given again."""
@@ -84,10 +84,10 @@ def run(arguments: Sequence[str]) -> int:
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     arguments = list(arguments)
     end = arguments.index("--") if "--" in arguments else len(arguments)
-    asked = {flag for flag in _EVERYWHERE if flag in arguments[:end]}
+    asked = {flag for flag in FLAGS_OF_EVERY_COMMAND if flag in arguments[:end]}
     arguments = [word for place, word in enumerate(arguments) if word not in asked or place >= end]
-    before = {name: os.environ.get(name) for name in _EVERYWHERE.values()}
-    os.environ.update({_EVERYWHERE[flag]: "1" for flag in asked})  # of worker processes, too
+    before = {name: os.environ.get(name) for name in FLAGS_OF_EVERY_COMMAND.values()}
+    os.environ.update({FLAGS_OF_EVERY_COMMAND[flag]: "1" for flag in asked})  # of worker processes, too
     try:
         return _run(arguments)
     finally:

@@ -248,7 +248,7 @@ def test_a_small_margin_gives_no_label() -> None:
     queries, _, _ = gestures(1, 2)
     strict = ALL.with_values([("classify.margin", 5.0)])
     model = GestureClassifier(strict).fit(poses, labels)
-    assert model.predict(queries).tolist() == [None] * 6
+    assert model.predict(queries).tolist() == ["(none)"] * 6
     row = model.predictions(queries)[0]
     assert (row.label, row.status, row.code) == (None, "rejected", "E_UNSURE")
     assert row.margin is not None and f"margin of {row.margin:.4g}, below 5; try: " in row.message

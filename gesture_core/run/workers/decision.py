@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,13 +14,28 @@ from gesture_core.classify.comparison import check_settings
 from gesture_core.classify.known import KnownDistances
 from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.classify.saved import load_recognizer, save_recognizer
-from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
+from gesture_core.errors import ConfigError, GestureError, InputError, PoseError, RunFolderError
 from gesture_core.files import tree_sha256
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.run.results import DISTANCES, FITTED
 from gesture_core.settings import Settings
 from gesture_core.spot.spotter import Spotter
 from gesture_core.types import Event, PoseSequence, Prediction, Signals
+
+
+@contextmanager
+def _writing(run: Path) -> Iterator[None]:
+    """What the system refuses is the run folder's fault, and ends the run."""
+    try:
+        yield
+    except OSError as error:
+        raise RunFolderError(
+            f"what was fitted cannot be written: {error.strerror or error}",
+            subject=str(run),
+            kept="every committed row",
+            remedy="free space, then the same command again",
+            code="E_RUN_WRITE",
+        ) from error
 
 
 class Decider:
@@ -105,7 +121,8 @@ class Decider:
             )
         self._known = known
         facts = {"fingerprint": fingerprint, "examples": len(self._signals)}
-        save_recognizer(self._recognizer, run / FITTED, facts)
+        with _writing(run):
+            save_recognizer(self._recognizer, run / FITTED, facts)
         self.keep(run)
 
     def open(self, run: Path, fingerprint: str, examples: int) -> bool:
@@ -121,7 +138,8 @@ class Decider:
     def keep(self, run: Path) -> None:
         """Leave the distances in the run folder."""
         if self._known is not None:
-            self._known.write(run / DISTANCES)
+            with _writing(run):
+                self._known.write(run / DISTANCES)
 
     def _compared_by(self) -> str:
         """A hash of everything but the pair that decides a distance."""

@@ -17,7 +17,7 @@ def test_the_packaged_network_is_the_known_one() -> None:
 
 
 def test_it_answers_for_every_picture() -> None:
-    backend = OnnxBackend(find_model("compact"), threads=1)
+    backend = OnnxBackend(find_model("compact"), threads=1, presence=0.0)
     pictures = list(np.random.default_rng(0).integers(0, 256, (3, 120, 90, 3), np.uint8))
     first, second = (backend.estimate(pictures) for _ in range(2))
     assert [len(people) for people in first] == [1, 1, 1] and backend.skeleton == COCO18.name

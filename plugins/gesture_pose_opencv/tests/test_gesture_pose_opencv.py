@@ -15,7 +15,7 @@ def test_it_answers_for_every_picture_and_keeps_its_threshold() -> None:
         model = find_model("compact")
     except ModelError as error:
         pytest.skip(error.cause)
-    backend = OpenCvBackend(model, score=0.5, batch_size=2)
+    backend = OpenCvBackend(model, score=0.5, batch_size=2, presence=0.0)
     pictures = list(np.random.default_rng(0).integers(0, 256, (3, 120, 90, 3), np.uint8))
     for (person,) in backend.estimate(pictures):
         missing = np.isnan(person.keypoints).any(axis=1)
