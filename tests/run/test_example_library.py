@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from distributions import gesture
-from troubles import FIGURE, write_clip
+from trouble_plugin import FIGURE
+from troubles import write_clip
 
 from gesture_core import classify_archive, load_poses
 from gesture_core.errors import ConfigError, InputError
