@@ -251,7 +251,11 @@ def read_arrays(path: Path, limit: int) -> dict[str, np.ndarray]:
             file.seek(0)
             with np.load(file, allow_pickle=False) as found:
                 return {name: found[name] for name in found.files}
-        except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
+        # A damaged header may ask for anything: a method that nobody knows, a key, all memory.
+        except (
+            *(ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile, zlib.error),
+            *(NotImplementedError, RuntimeError, MemoryError),
+        ) as error:
             cause = f"is no file of arrays: {error}"
             raise InputError(cause, subject=printable(path), code="E_INPUT") from error
 

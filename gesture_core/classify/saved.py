@@ -15,7 +15,7 @@ from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.classify.known import KnownDistances
 from gesture_core.classify.learning import ExampleWeights
 from gesture_core.classify.recognizer import Recognizer
-from gesture_core.errors import InputError
+from gesture_core.errors import GestureError, InputError
 from gesture_core.files import printable, read_arrays, write_arrays
 from gesture_core.settings import settings_from_dict
 from gesture_core.types import Signals
@@ -107,7 +107,7 @@ def load_recognizer(path: Path, known: KnownDistances | None = None) -> tuple[Re
         comparison = Comparison(library.series, settings, known)
         kept, thresholds, facts = arrays["kept"], arrays.get("thresholds"), dict(header["facts"])
         return Recognizer(settings, library, kept, thresholds, weights, comparison), facts
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+    except (GestureError, KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise InputError(
             f"holds no fitted classifier of this version: {error}", subject=printable(path), code="E_INPUT"
         ) from error

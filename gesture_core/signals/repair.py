@@ -110,7 +110,8 @@ def _trembling(lengths: np.ndarray) -> float:
 def _placeholders(pose: PoseSequence) -> np.ndarray:
     """(T, J) bool: exactly at 0, 0, where nobody's joint is; unless the picture's origin is in the body."""
     zero: np.ndarray = (pose.keypoints == 0).all(axis=2)
-    if zero.any() and (zero | ~pose.seen).all(axis=0).any() and (pose.keypoints < 0).any():
+    always = (zero | ~pose.seen).all(axis=0) & zero.any(axis=0)
+    if always.any() and (pose.keypoints < 0).any():
         return np.zeros_like(zero)  # centred on a joint, upon which others may fall
     return zero
 

@@ -19,6 +19,7 @@ from gesture_core.cli.main import run
 from gesture_core.errors import ModelError
 from gesture_core.pose import models as models_module
 from gesture_core.pose.downloads import get_model
+from gesture_core.pose.model_store import add_model
 from gesture_core.pose.models import KnownModel, added_names, find_model, known_models, read_card
 
 WHEEL = "tiny_pose-1.0-py3-none-any.whl"
@@ -151,12 +152,13 @@ def site(tmp_path: Path) -> Iterator[str]:
         thread.join()
 
 
+@pytest.mark.parametrize("folder", ["", "20230831/onnx/"])
 def test_a_network_comes_out_of_a_zip_file_on_the_web(
-    known: dict[str, KnownModel], site: str, tmp_path: Path, network: Path, models: Path
+    folder: str, known: dict[str, KnownModel], site: str, tmp_path: Path, network: Path, models: Path
 ) -> None:
     archive = tmp_path / "site" / "pose.zip"
     with zipfile.ZipFile(archive, "w") as zipped:
-        zipped.write(network, "end2end.onnx")
+        zipped.write(network, f"{folder}end2end.onnx")
     known["zipped"] = replace(known["zipped"], url=f"{site}/pose.zip", archive_sha256="0" * 64)
     with pytest.raises(ModelError, match="E_MODEL_HASH"):
         get_model("zipped")
@@ -165,3 +167,12 @@ def test_a_network_comes_out_of_a_zip_file_on_the_web(
     arrived: list[int] = []
     (card,) = get_model("zipped", on_bytes=arrived.append)
     assert card.sha256 == sha(network) and sum(arrived) == archive.stat().st_size
+
+
+def test_another_file_under_a_known_name_is_fetched_anew(
+    known: dict[str, KnownModel], wheels: Path, tmp_path: Path, network: Path, models: Path
+) -> None:
+    other = dot_network(tmp_path / "other.onnx", stride=8)
+    assert sha(other) != sha(network)
+    add_model(other, "tiny")
+    assert get_model("tiny")[0].sha256 == sha(network)

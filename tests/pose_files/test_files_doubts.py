@@ -42,7 +42,7 @@ def test_landmarks_of_a_data_frame_keep_their_frames(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["person", "person_id", "track_id", "trackId", "id", "object_id", "Player ID", "instance", "PID"]
 )
-@pytest.mark.parametrize("ids", [("1", "2"), ("anna", "ben"), ("7.0", "12.0")])
+@pytest.mark.parametrize("ids", [("1", "2"), ("anna", "ben"), ("7.0", "12.0"), ("1000001", "1000002")])
 def test_a_column_tells_people_apart(tmp_path: Path, name: str, ids: tuple[str, str]) -> None:
     one, two = person(), person(at=300)
     two[:, 4] = 0  # one joint less

@@ -197,6 +197,9 @@ def test_zeros_are_missing_unless_the_body_is_centred_on_a_joint() -> None:
     points[:, J["left_ankle"]] = 0
     found = repaired(pose(points)).pose
     assert not found.seen[5:25, J["right_ankle"]].any() and not found.seen[:, J["left_ankle"]].any()
+    points[0, J["nose"], 0] = -1
+    points[:, J["left_ankle"]] = np.nan
+    assert not repaired(pose(points)).pose.seen[5:25, J["right_ankle"]].any()
     centred = standing() - 300
     source = pose(centred)
     assert (centred[:, J["neck"]] == 0).all() and repaired(source).pose is source

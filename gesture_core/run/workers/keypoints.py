@@ -213,7 +213,7 @@ class KeypointExtractor:
             "complete": bool(report.complete),
             "notes": [
                 *map(str, report.notes),
-                *([_OTHERS] if others >= max(1, report.frames_read * _OFTEN) else []),
+                *([_OTHERS] if others >= max(1, frames.count * _OFTEN) else []),
             ],
             "seconds": frames.seconds,
             "assumed": str(report.assumed),

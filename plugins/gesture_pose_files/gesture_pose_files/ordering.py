@@ -125,7 +125,7 @@ def by_person(rows: Rows, cells: Sequence[str] | None, source: str) -> tuple[lis
     if cells is None:
         return [rows], []
     numbers = [number_in(cell) for cell in cells]
-    names = [cell if value is None else f"{value:g}" for cell, value in zip(cells, numbers, strict=True)]
+    names = [cell if value is None else f"{value:.17g}" for cell, value in zip(cells, numbers, strict=True)]
     names = [
         "" if value is not None and np.isnan(value) else n for n, value in zip(names, numbers, strict=True)
     ]
