@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -41,12 +42,12 @@ def choose_pose(settings: Settings, *, needed: bool = True) -> Settings:
         ``E_PROVIDER`` where the backend cannot run on what the settings ask for.
     """
     pose = settings.pose
-    name = pose.model
-    if name == "auto":
-        name = next((one for one in auto_models() if is_here(one)), auto_models()[-1])
+    names: Sequence[str] = (pose.model,)
+    if pose.model == "auto":
+        names = [name for name in auto_models() if is_here(name) and _fits(name, pose)] or auto_models()[-1:]
     try:
-        backend = backend_name(find_model(name)) if pose.backend == "auto" else pose.backend
-        pose = replace(pose, model=name, backend=backend)
+        backend = backend_name(find_model(names[0])) if pose.backend == "auto" else pose.backend
+        pose = replace(pose, model=names[0], backend=backend)
         return replace(settings, pose=replace(pose, **_device(pose)))
     except GestureError:
         if needed:
@@ -54,10 +55,25 @@ def choose_pose(settings: Settings, *, needed: bool = True) -> Settings:
         return settings
 
 
+def _fits(name: str, pose: PoseSettings) -> bool:
+    """Whether the backend that the settings name reads a network, and has the choice that they name."""
+    model = find_model(name)
+    backend = backend_name(model) if pose.backend == "auto" else pose.backend
+    reads = registry().find("pose", backend).suffixes
+    if reads and model.path.suffix.lower() not in reads:
+        return False
+    here = _devices(backend)
+    return all(vars(pose)[setting] == "auto" or setting in here for setting in ("provider", "target"))
+
+
+def _devices(backend: str) -> Mapping[str, Sequence[str]]:
+    kind = registry().load("pose", backend)
+    return kind.devices() if issubclass(kind, DeviceChoice) else {}
+
+
 def _device(pose: PoseSettings) -> dict[str, Any]:
     """The setting that says what the backend runs on."""
-    kind = registry().load("pose", pose.backend)
-    here = kind.devices() if issubclass(kind, DeviceChoice) else {}
+    here = _devices(pose.backend)
     for setting in ("provider", "target"):
         wanted = vars(pose)[setting]
         if wanted != "auto" and setting not in here:

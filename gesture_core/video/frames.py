@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from gesture_core.errors import MediaError
 from gesture_core.plugin.interfaces import LazyFrames, Video
 from gesture_core.video.integrity import DamageLog
 
@@ -178,9 +179,21 @@ def at_rate(pictures: Iterable[Picture], rate: float | None) -> Iterator[tuple[f
         From `pictures`.
     rate : float or None
         Frames a second; with None or 0, every frame.
+
+    Raises
+    ------
+    MediaError
+        ``E_MEDIA_BROKEN`` for a time that is no number, or earlier than the one before.
     """
-    first, stretch = None, -1
+    first, stretch, before = None, -1, -np.inf
     for time, convert in pictures:
+        if not before <= time < np.inf:
+            raise MediaError(
+                f"its reader gives a frame the time {time} after {before}",
+                remedy="another pose.reader, or video.fps=RATE",
+                code="E_MEDIA_BROKEN",
+            )
+        before = time
         first = time if first is None else first
         here = int((time - first) * rate + _EARLY) if rate else stretch + 1
         if here > stretch and (frame := convert()) is not None:

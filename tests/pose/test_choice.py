@@ -53,6 +53,21 @@ def test_the_strongest_network_that_is_here_is_taken_with_a_backend_that_reads_i
     assert chosen.pose.target == "cpu" and choose_pose(chosen) == chosen
 
 
+@pytest.mark.parametrize(
+    "changes", [{"pose__backend": "onnx"}, {"pose__provider": "cpu"}, {"pose__provider": "cuda"}]
+)
+def test_auto_takes_a_network_that_what_is_named_can_run(changes: dict[str, str], models: Path) -> None:
+    put(models, "blazepose", ".tflite")
+    if changes == {"pose__provider": "cuda"}:
+        with pytest.raises(GestureError, match="onnxruntime: -gpu") as caught:
+            choose_pose(settings(**changes))
+        assert caught.value.code == "E_PROVIDER"
+        return
+    pose = choose_pose(settings(**changes)).pose
+    assert (pose.model, pose.backend, pose.provider) == ("compact", "onnx", "cpu")
+    assert choose_pose(settings(pose__target="cpu")).pose.model == "blazepose"
+
+
 def test_it_is_said_and_recorded(models: Path) -> None:
     text = described(choose_pose(settings()))
     assert text.startswith(

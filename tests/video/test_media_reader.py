@@ -314,6 +314,14 @@ def test_usual_rates_are_looked_at_in_even_steps(fps: float, step: int) -> None:
     assert len(found) >= 300 // step
 
 
+@pytest.mark.parametrize("odd", [float("nan"), float("inf"), 0.01])
+@pytest.mark.parametrize("rate", [None, 15.0])
+def test_times_that_are_none_are_an_error_of_the_video(odd: float, rate: float | None) -> None:
+    times = [0.0, 0.1, 0.2, odd, 0.4]
+    with pytest.raises(MediaError, match=r"E_MEDIA_BROKEN.*video\.fps"):
+        list(at_rate(((time, lambda: np.zeros(0)) for time in times), rate))
+
+
 def test_no_stretch_has_more_frames_than_the_rate() -> None:
     times = np.sort(np.random.default_rng(0).uniform(0, 20, 2000))
     found = np.array([at for at, _ in at_rate(((at, lambda: np.zeros(0)) for at in times.tolist()), 8)])

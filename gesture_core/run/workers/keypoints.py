@@ -214,6 +214,7 @@ class KeypointExtractor:
             "notes": [
                 *map(str, report.notes),
                 *([_OTHERS] if others >= max(1, frames.count * _OFTEN) else []),
+                *([frames.coarse] if frames.repeated >= max(1, report.frames_read * _OFTEN) else []),
             ],
             "seconds": frames.seconds,
             "assumed": str(report.assumed),
@@ -321,6 +322,8 @@ class _Looked:
         From the first frame to the latest.
     count : int
         Frames that were looked at.
+    repeated : int
+        Frames at the time of the one before.
     """
 
     def __init__(self, video: Video, rate: float | None, report: Callable[[dict[str, Any]], None]) -> None:
@@ -330,6 +333,7 @@ class _Looked:
         self._unreported = 0
         self.seconds = 0.0
         self.count = 0
+        self.repeated = 0
 
     def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
         from gesture_core.video import at_rate
@@ -341,15 +345,25 @@ class _Looked:
     def _passing(self) -> Iterator[Picture]:
         from gesture_core.video import pictures
 
-        reported, first = time.monotonic(), None
+        reported, first, before = time.monotonic(), None, None
         for at, convert in pictures(self._video):
             first = at if first is None else first
+            self.repeated += at == before
+            before = at
             self.seconds = float(at - first)
             yield at, convert
             self._unreported += 1
             if time.monotonic() - reported > _REPORT_SECONDS:
                 self.flush()
                 reported = time.monotonic()
+
+    @property
+    def coarse(self) -> str:
+        """What a clock that stands still means for what is looked at."""
+        return (
+            f"{self.repeated} frames have the time of the one before, and pose.rate looks at one of them; "
+            "try: video.fps=RATE, or pose.rate=none"
+        )
 
     def flush(self) -> None:
         """Report what has not been reported."""
