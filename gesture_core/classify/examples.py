@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -112,6 +113,17 @@ def _encoded(labels: tuple[object, ...]) -> tuple[np.ndarray, np.ndarray]:
                 f"label {index} is {label!r}, and others are of another kind", remedy=alike, code="E_LABELS"
             )
     return classes, codes.astype(np.int64)
+
+
+def sided_labels(labels: Collection[str]) -> list[str]:
+    """The labels on the left that have their like on the right: ``left`` of left, right and wave.
+
+    Where an example also stands for the movement of the other hand (`classify.mirror`), such a pair may be
+    two names of one gesture.
+    """
+    right = {label: re.sub("left", "right", label, flags=re.IGNORECASE).casefold() for label in labels}
+    every = {label.casefold() for label in labels}
+    return sorted(label for label, other in right.items() if other != label.casefold() and other in every)
 
 
 def warn_of_contradictions(library: ExampleLibrary, stacklevel: int) -> None:

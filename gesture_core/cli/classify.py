@@ -221,6 +221,11 @@ def _warnings(summary: RunSummary) -> list[str]:
     found = []
     if len(summary.classes) == 1:
         found.append("all examples have one label: every input that is near enough gets it")
+    if summary.sided:
+        found.append(
+            f"{', '.join(map(repr, summary.sided))} and the like on the right may be one gesture with either "
+            "hand, and classify.mirror then takes one for the other: --set classify.mirror=none"
+        )
     if summary.inputs_among_examples == 1:
         found.append("1 input is among the examples itself: its label is no result")
     elif summary.inputs_among_examples:

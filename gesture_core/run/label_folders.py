@@ -60,7 +60,9 @@ class FolderLabels:
         self._level = int(match[1]) if match and match[1] else None
         self._roots = _folders(roots)
         self._are_roots = self._level is None and _are_labels(items, self._roots)
-        if self._level is None and not self._are_roots:
+        if self._are_roots:
+            self._check_roots()
+        elif self._level is None:
             self._check([item for item in items if item.kind in ("video", "keypoints")])
 
     def __call__(self, item: Input) -> str | None:
@@ -99,6 +101,18 @@ class FolderLabels:
 
     def _below(self, item: Input, root: Path) -> Folders:
         return item.path.relative_to(root).parts[:-1]
+
+    def _check_roots(self) -> None:
+        """Refuse sources side by side that are parts of a data set, or people."""
+        names = {root.name for root in self._roots}
+        parts = _are_parts(names)
+        if parts or _numbered([(name,) for name in names], 0) in _PEOPLE:
+            raise ConfigError(
+                f"{_listed(names)} look like {'parts of a data set' if parts else 'people'}, not labels",
+                remedy="--labels with a table or a regular expression, or --labels folder:-1 if "
+                f"{_listed(names)} are the labels",
+                code="E_LABELS",
+            )
 
     def _check(self, items: Sequence[Input]) -> None:
         """Refuse labels that are parts of a data set, or people who perform."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from gesture_core.classify.examples import sided_labels
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
 from gesture_core.files import without_cache
 from gesture_core.run.extract import OpenEngine
@@ -91,6 +92,8 @@ class RunSummary:
         such as pixels that are not square, and of how many.
     classes : mapping
         Number of examples that can be used, by label.
+    sided : tuple of str
+        Labels on the left that have their like on the right, where examples also stand for the other hand.
     inputs_among_examples : int
         Inputs whose content or movement is that of an example: they find themselves.
     gone : int
@@ -109,6 +112,7 @@ class RunSummary:
     assumed: Mapping[str, int] = field(default_factory=dict)
     notes: Mapping[str, int] = field(default_factory=dict)
     classes: Mapping[str, int] = field(default_factory=dict)
+    sided: tuple[str, ...] = ()
     inputs_among_examples: int = 0
     gone: int = 0
 
@@ -177,6 +181,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             assumed=dict(run.assumed),
             notes=dict(run.notes),
             classes=dict(sorted(classes.items())),
+            sided=tuple(sided_labels(classes)) if plan.settings.classify.mirror is not None else (),
             inputs_among_examples=results.copies(set(plan.hashes.values()) - {""}),
             gone=plan.gone,
         )

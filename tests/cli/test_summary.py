@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from gesture_core.classify.examples import sided_labels
 from gesture_core.cli.classify import say_summary
 from gesture_core.run.pipeline import RunSummary
 from gesture_core.types import Row
@@ -60,3 +61,22 @@ def test_one_label_is_no_choice(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
     lines = said(monkeypatch, capsys, classes={"wave": 3})
     assert lines[-1] == "all examples have one label: every input that is near enough gets it"
     assert len(said(monkeypatch, capsys)) == 1, "keypoints alone have no labels"
+
+
+@pytest.mark.parametrize(
+    ("labels", "sided"),
+    [
+        (("left", "right", "wave"), ["left"]),
+        (("turn-Left", "Turn-right", "swipe left"), ["turn-Left"]),
+        (("leftover", "wave"), []),
+    ],
+)
+def test_labels_that_differ_by_the_side_are_said(
+    labels: tuple[str, ...],
+    sided: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert sided_labels(labels) == sided
+    lines = said(monkeypatch, capsys, classes=dict.fromkeys(labels, 1), sided=tuple(sided))
+    assert ("--set classify.mirror=none" in lines[-1]) == bool(sided)

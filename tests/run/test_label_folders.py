@@ -108,3 +108,18 @@ def test_a_pattern_of_label_folders_works_as_their_folder(tmp_path: Path) -> Non
     assert labels("folder:-1", root / "clap") == {"clap"}
     parts = archive(tmp_path / "archive", *two(("train", "test")))
     assert labels("folder", parts / "train", parts / "test") == set(GESTURES)
+
+
+@pytest.mark.parametrize(
+    "names", [("train", "val"), ("Test", "training"), ("s01", "s02"), ("subject 1", "subject 2")]
+)
+def test_folders_of_clips_side_by_side_that_are_no_labels_are_asked_about(
+    names: tuple[str, str], tmp_path: Path
+) -> None:
+    root = archive(tmp_path, *names)
+    with pytest.raises(ConfigError, match="--labels folder:-1 if") as caught:
+        labels("folder", *(root / name for name in names))
+    assert caught.value.code == "E_LABELS"
+    assert labels("folder:-1", *(root / name for name in names)) == set(names)
+    wanted = archive(tmp_path / "others", "take1", "wave")
+    assert labels("folder", wanted / "take1", wanted / "wave") == {"take1", "wave"}
