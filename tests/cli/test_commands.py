@@ -198,11 +198,13 @@ def test_mistakes_exit_with_two_and_say_what_would_be_right(
 @pytest.mark.parametrize("words", ["export {run} --format jsonl --to -", "plugins", "--help"])
 def test_a_closed_pipe_ends_quietly(run: Path, words: str) -> None:
     command = [sys.executable, "-m", "gesture_core", *words.format(run=run).split()]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None and process.stderr is not None
-    process.stdout.close()
-    assert process.stderr.read() == ""
-    assert process.wait() == 141
+    reader, pipe = os.pipe()
+    os.close(reader)
+    try:
+        done = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, text=True)
+    finally:
+        os.close(pipe)
+    assert (done.returncode, done.stderr) == (141, "")
 
 
 def test_a_plugin_shows_its_options_as_they_would_be_set(capsys: pytest.CaptureFixture[str]) -> None:
