@@ -189,7 +189,7 @@ _MAPS: dict[int, str] = {
     78: "body25", 26: "body25", 25: "body25",
     44: "mpi15", 16: "mpi15", 15: "mpi15",
 }  # fmt: skip
-_FIELDS = {38: "coco18", 52: "body25", 28: "mpi15"}
+FIELDS = {38: "coco18", 52: "body25", 28: "mpi15"}
 
 
 def infer_contract(inputs: Sequence[Tensor], outputs: Sequence[Shape], subject: str = "") -> ModelContract:
@@ -272,7 +272,7 @@ def split_openpose(shapes: Sequence[Shape], skeleton: str) -> tuple[int, int | N
     for index, shape in enumerate(shapes):
         if len(shape) == 4 and _MAPS.get(shape[1] or 0) == skeleton:
             maps = index
-        elif len(shape) == 4 and _FIELDS.get(shape[1] or 0) == skeleton:
+        elif len(shape) == 4 and FIELDS.get(shape[1] or 0) == skeleton:
             fields_at = index
     if maps is None:
         raise ModelError(

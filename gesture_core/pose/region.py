@@ -91,7 +91,7 @@ class RegionFollower:
     def __init__(self, backend: RegionFollowing) -> None:
         self.backend = backend
         self.searches = 0
-        self._finder = Follower(backend.finder)
+        self._finder = Follower(backend.finder())
         self._anatomy = Anatomy(COCO18)
         self._region: Region | None = None
         self._pause = 0

@@ -25,7 +25,7 @@ from gesture_core.classify.evaluation import (
 )
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable
-from gesture_core.pose.choice import choose_pose, described
+from gesture_core.pose.models import choose_pose, described
 from gesture_core.run.archive import Sources, as_strings
 from gesture_core.run.extract import extract_all
 from gesture_core.run.fingerprint import fingerprint, pose_identity, run_configuration

@@ -11,7 +11,7 @@ from gesture_core.errors import Code, ConfigError, ModelError, PluginError, RunF
 from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.interfaces import Closeable, ExecutionEngine
 from gesture_core.plugin.registry import Registration, calling, registry
-from gesture_core.pose.choice import choose_pose
+from gesture_core.pose.models import choose_pose
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.run.inputs import Input
 from gesture_core.run.store import keypoint_store, prune

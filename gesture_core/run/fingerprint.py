@@ -31,9 +31,8 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
     dict
         ``video`` and ``readers``, the latter by name; see `pose_keys`.
     """
-    from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.extract import REVISION
-    from gesture_core.pose.models import FINDER, find_model
+    from gesture_core.pose.models import FINDER, choose_pose, find_model
     from gesture_core.video import reader_name
 
     plugins = registry()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import content_sha256, stamp, without_cache
 from gesture_core.plugin import registry
-from gesture_core.pose.choice import choose_pose, described
+from gesture_core.pose.models import choose_pose, described
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import differences, fingerprint, pose_identity, run_configuration
 from gesture_core.run.inputs import COMPANIONS, FRAMES, PICTURE_SUFFIXES, Input, discover

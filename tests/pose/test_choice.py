@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from gesture_core.errors import GestureError
-from gesture_core.pose.choice import choose_pose, described
-from gesture_core.pose.models import CARD, auto_models, known_models
+from gesture_core.pose.models import CARD, auto_models, choose_pose, described, known_models
 from gesture_core.run.fingerprint import pose_identity
 from gesture_core.settings import Settings, load_settings
 

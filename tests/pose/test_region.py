@@ -88,8 +88,8 @@ class Seeing:
 
     skeleton, batch_size, region, wrong = "blazepose33", 1, 256, False
 
-    def __init__(self) -> None:
-        self.finder = Finding()
+    def finder(self) -> Finding:
+        return Finding()
 
     def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
         (view,) = frames

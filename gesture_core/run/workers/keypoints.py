@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import KeypointReader, PoseBackend, Video
-    from gesture_core.video.frames import Picture
+    from gesture_core.video.reader import Picture
 
 _REPORT_SECONDS = 0.5
 _OFTEN = 1 / 3
