@@ -158,6 +158,19 @@ def fit(frame: np.ndarray, width: int, height: int) -> np.ndarray:
     return out
 
 
+def room_around(boxes: Sequence[Sequence[float]], margin: float = 0.15) -> tuple[slice, slice]:
+    """The part of a frame in which all ``boxes`` lie: left, top, right and bottom of each, in pixels.
+
+    On each side there is ``margin`` more, as a share of the longer side of that place.
+    """
+    edges = np.array(boxes)
+    low, high = edges[:, :2].min(axis=0), edges[:, 2:].max(axis=0)
+    room = margin * float((high - low).max())
+    left, top = np.maximum(low - room, 0).astype(int).tolist()
+    right, bottom = np.ceil(high + room + 1).astype(int).tolist()
+    return slice(top, bottom), slice(left, right)
+
+
 def pictures(video: Video) -> Iterator[Picture]:
     """The frames of a video, converted only where somebody asks if it can do so (`LazyFrames`)."""
     if isinstance(video, LazyFrames):
