@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import ConfigError, ModelError, PluginError
 from gesture_core.files import models_dir, open_regular
-from gesture_core.plugin.interfaces import DeviceChoice
+from gesture_core.plugin.abilities import DeviceChoice
 from gesture_core.plugin.registry import registry
 from gesture_core.pose.contract import ModelContract
 

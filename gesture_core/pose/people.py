@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.decode import LEAST_SCORE, find_peaks
+from gesture_core.types import Person
 
 # Of the assembly of people; the figures are OpenPose's where it names one.
 ALONG = 0.05

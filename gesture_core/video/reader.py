@@ -13,11 +13,14 @@ from statistics import median
 from typing import TYPE_CHECKING, Any, Self
 
 from gesture_core.errors import MediaError, MissingDependencyError
-from gesture_core.plugin.interfaces import LazyFrames, Video, VideoInfo, VideoLimits, VideoReader, VideoReport
+from gesture_core.plugin.abilities import LazyFrames
 from gesture_core.plugin.registry import calling, registry
+from gesture_core.records import VideoInfo, VideoLimits, VideoReport
 
 if TYPE_CHECKING:
     import numpy as np
+
+    from gesture_core.plugin.interfaces import Video, VideoReader
 
 Options = Mapping[str, Mapping[str, Any]]
 Picture = tuple[float, Callable[[], "np.ndarray | None"]]
