@@ -103,16 +103,9 @@ def extract_poses(
     """
     body = skeleton(backend.skeleton)
     joints = len(body.joints)
-    if follow is None:
-        follow = isinstance(backend, CropFollowing) and backend.follow
+    follower = follower_of(backend, follow) if people == "single" else None
     if steady is None:
-        steady = backend.steady if isinstance(backend, TemporalChoice) else True
-    follower: Follower | RegionFollower | None = None
-    if follow and people == "single":
-        if isinstance(backend, RegionFollowing) and backend.region:
-            follower = RegionFollower(backend)
-        else:
-            follower = Follower(backend)
+        steady = is_steady(backend)
     choice = JointChoice(body) if steady and people == "single" else None
     tracker = Tracker(joints) if people == "multi" else None
     others = 0
@@ -162,6 +155,22 @@ def extract_poses(
     if choice:
         where, certain = choice.choose(where, certain, np.stack(peaks), at)
     return [PoseSequence(where, certain, at, backend.skeleton, size, 0, source, provenance)]
+
+
+def follower_of(backend: PoseBackend, follow: bool | None = None) -> Follower | RegionFollower | None:
+    """What follows one person for ``backend``; None where it is given whole pictures."""
+    if follow is None:
+        follow = isinstance(backend, CropFollowing) and backend.follow
+    if not follow:
+        return None
+    if isinstance(backend, RegionFollowing) and backend.region:
+        return RegionFollower(backend)
+    return Follower(backend)
+
+
+def is_steady(backend: PoseBackend) -> bool:
+    """Whether limbs are chosen over time, where nobody says otherwise."""
+    return backend.steady if isinstance(backend, TemporalChoice) else True
 
 
 @dataclass
