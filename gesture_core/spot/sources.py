@@ -51,10 +51,17 @@ class FrameSource(Protocol):
         It has pictures, not keypoints.
     """
 
-    name: str
-    live: bool
-    paced: bool
-    pictures: bool
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def live(self) -> bool: ...
+
+    @property
+    def paced(self) -> bool: ...
+
+    @property
+    def pictures(self) -> bool: ...
 
     def frames(self, say: Callable[[str], None]) -> Iterator[Frame]:
         """Open the source; its frames until it ends.
@@ -99,7 +106,7 @@ class Camera:
         """Frames with their seconds since the source was first opened."""
         import cv2
 
-        cv2.setLogLevel(0)  # what it prints of a camera that is not there is in the error
+        cv2.utils.logging.setLogLevel(0)  # what it prints of a camera that is not there is in the error
         if isinstance(self.address, int):
             capture = cv2.VideoCapture(self.address)
             capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
@@ -156,7 +163,8 @@ class Recording:
         limits = VideoLimits(chosen.limits.pixels, chosen.limits.frames)
         opened = open_video(self.path, chosen.pose.reader, limits, chosen.options, chosen.video.fps)
         with opened as video:
-            yield from paced(pictures(video)) if self.paced else pictures(video)
+            frames: Iterator[Frame] = pictures(video)
+            yield from paced(frames) if self.paced else frames
             report = video.report
         if not report.complete:
             say(f"frames are lost: {'; '.join(report.notes)}")
