@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gesture_core.errors import PoseError
+from gesture_core.errors import ModelError, PoseError
 from gesture_core.pose.contract import BLAZEPOSE, FIELDS, ModelContract, split_openpose
 from gesture_core.skeletons import skeleton
 from gesture_core.types import Person
@@ -153,8 +153,15 @@ def _blazepose(outputs: list[np.ndarray]) -> list[list[Person]]:
     (Bazarevsky et al. 2020, BlazePose)."""
     from scipy.special import expit
 
-    (landmarks,) = (out.reshape(-1, 39, 5) for out in outputs if out[0].size == BLAZEPOSE)
-    (there,) = (out.reshape(-1) for out in outputs if out[0].size == 1)
+    landmarks = next((out.reshape(-1, 39, 5) for out in outputs if out[0].size == BLAZEPOSE), None)
+    there = next((out.reshape(-1) for out in outputs if out[0].size == 1), None)
+    if landmarks is None or there is None:
+        raise ModelError(
+            f"outputs of {', '.join(str(out[0].size) for out in outputs)} numbers are not BlazePose's: "
+            f"{BLAZEPOSE} of landmarks, and 1 that says whether a person is there",
+            remedy="the whole network, or another layout in its contract",
+            code="E_MODEL_LAYOUT",
+        )
     return [
         [Person(points[:33], expit(one[:33, 3]), None, float(presence), points[33:35])]
         for one, presence in zip(landmarks, there, strict=True)

@@ -95,10 +95,8 @@ def extract_poses(
     """
     joints = len(skeleton(backend.skeleton).joints)
     single = people == "single"
-    able = backend if isinstance(backend, CropFollowing) else None
-    follow = bool(able and able.follow) if follow is None else follow
-    steady = bool(not able or able.steady) if steady is None else steady
-    follower = _follower(backend) if follow and single else None
+    follower = follower_of(backend, follow) if single else None
+    steady = is_steady(backend) if steady is None else steady
     choice = JointChoice(skeleton(backend.skeleton)) if steady and single else None
     provenance = {
         "people": people,
@@ -152,9 +150,19 @@ def _best(backend: PoseBackend, pictures: Sequence[np.ndarray]) -> list[Person |
     return [people[0] if people else None for people in backend.estimate(pictures)]
 
 
-def _follower(backend: PoseBackend) -> Follower | RegionFollower:
+def follower_of(backend: PoseBackend, follow: bool | None = None) -> Follower | RegionFollower | None:
+    """What follows one person for ``backend``; None where it is given whole pictures."""
+    if follow is None:
+        follow = isinstance(backend, CropFollowing) and backend.follow
+    if not follow:
+        return None
     if isinstance(backend, RegionFollowing) and backend.region:
         from gesture_core.pose.region import RegionFollower
 
         return RegionFollower(backend)
     return Follower(backend)
+
+
+def is_steady(backend: PoseBackend) -> bool:
+    """Whether limbs are chosen over time, where nobody says otherwise."""
+    return backend.steady if isinstance(backend, CropFollowing) else True

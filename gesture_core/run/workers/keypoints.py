@@ -233,9 +233,10 @@ class KeypointExtractor:
             reader = open_reader(name, self._settings)
             with calling(registry().find("reader", name), passing=(OSError,)):
                 sequences = [_checked(sequence) for sequence in reader.read(path, member)]
-            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
+        if name != "store":
+            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.people == "single" and len(sequences) > 1:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
             sequences = [replace(best, person=0)]
