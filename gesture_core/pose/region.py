@@ -49,9 +49,11 @@ class Region:
 
         Nor for one that no picture can show: a network may give any number.
         """
+        if not np.abs([middle, top]).max() < _FARTHEST:  # NaN neither
+            return None
         up = top - middle
         radius = float(np.hypot(*up))
-        if not 2 < radius < _FARTHEST or not np.abs(middle).max() < _FARTHEST:
+        if not radius > 2:
             return None
         x, y = middle.tolist()
         return cls(x, y, 2 * ROOM * radius, float(np.arctan2(up[0], -up[1])))
