@@ -45,7 +45,7 @@ def render(
         Replace a file that is there.
     """
     from gesture_core.plugin.interfaces import VideoLimits
-    from gesture_core.report.overlay import can_write_video, cropped, overlay, write_strip, write_video
+    from gesture_core.pose.overlay import can_write_video, cropped, overlay, write_strip, write_video
     from gesture_core.video import open_video
 
     labels, settings = _labels(video, run) if run else ({}, None)

@@ -174,6 +174,19 @@ def spot(worker: Worker, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[
     return answers
 
 
+def draw_previews(
+    worker: Worker, path: str, video: bool, stored: str, cuts: Sequence[tuple[str, int | None, float, float]]
+) -> None:
+    """Write previews of one input: of each cut its file, the person, start and end in seconds."""
+    from gesture_core.run.workers.previews import Cut, draw_cuts, open_cuts
+
+    worker.report({"slow": True})
+    people = _people(worker, stored, "") if stored else ()
+    frames = open_cuts(decoded(path), worker.settings) if video else None
+    wanted = [Cut(decoded(file), person, start, end) for file, person, start, end in cuts]
+    draw_cuts(wanted, people, frames, worker.alive)
+
+
 def _people(worker: Worker, stored: str, name: str) -> Sequence[Any]:
     from gesture_core.run.store import read_keypoints
 
@@ -197,7 +210,7 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
         try_model, extract, accepts, refusal, members, open_classifier, add_example, fit, open_fitted, decide,
-        keep_distances, spot, suffix, write_rows,
+        keep_distances, spot, draw_previews, suffix, write_rows,
     )
 }  # fmt: skip
 """Every function that a task may name; each takes the `Worker` and the task's arguments."""

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gesture_core import colours
 from gesture_core.errors import MediaError
 from gesture_core.files import replacing
-from gesture_core.report import style
 from gesture_core.skeletons import Skeleton, skeleton
 from gesture_core.types import PoseSequence
 
@@ -27,11 +27,12 @@ def _colour(text: str) -> Colour:
     return int(text[5:7], 16), int(text[3:5], 16), int(text[1:3], 16)
 
 
-_SIDES = {"right": _colour(style.RIGHT), "left": _colour(style.LEFT), "middle": _colour(style.MIDDLE)}
-_PEOPLE = tuple(map(_colour, (style.GREEN, style.VERMILLION, style.PURPLE, style.BLUE, style.GREY)))
+_SIDES = {"right": _colour(colours.RIGHT), "left": _colour(colours.LEFT), "middle": _colour(colours.MIDDLE)}
+_PEOPLE = tuple(map(_colour, (colours.GREEN, colours.VERMILLION, colours.PURPLE, colours.BLUE, colours.GREY)))
 """One colour for each person, in turn."""
 _CLOCK = 90_000
 """Ticks in a second of the video, so that real time stamps are kept."""
+_SEEKABLE = {"preset": "veryfast", "g": "6", "bf": "0", "threads": "1"}
 _SAME = 0.0005
 """Seconds below which two times are one: less than half a frame at the fastest rate that is read."""
 
@@ -154,7 +155,9 @@ def can_write_video() -> bool:
     return importlib.util.find_spec("av") is not None
 
 
-def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quality: int = 23) -> int:
+def write_video(
+    frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quality: int = 23, seekable: bool = False
+) -> int:
     """Write an H.264 video with the frames' own times; the number of frames.
 
     Parameters
@@ -166,6 +169,9 @@ def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quali
         ``.mp4``; it appears once it is complete.
     quality : int
         x264's rate factor: 0 without loss, 51 worst.
+    seekable : bool
+        A key frame every few frames and none that waits for a later one, so that a player can show any frame
+        at once; written quickly.
 
     Raises
     ------
@@ -175,6 +181,7 @@ def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quali
     import av
 
     count, last = 0, -1
+    options = {"crf": str(quality)} | (_SEEKABLE if seekable else {})
     stream: VideoStream | None = None
     try:
         with (
@@ -184,7 +191,7 @@ def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quali
             for time, frame in frames:
                 even = np.ascontiguousarray(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
                 if stream is None:
-                    stream = container.add_stream("libx264", rate=30, options={"crf": str(quality)})
+                    stream = container.add_stream("libx264", rate=30, options=options)
                     stream.height, stream.width = even.shape[:2]
                     stream.pix_fmt = "yuv420p"
                     stream.time_base = stream.codec_context.time_base = Fraction(1, _CLOCK)
