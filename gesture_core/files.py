@@ -300,6 +300,28 @@ def _regular_files(folder: Path) -> Iterator[Path]:
             yield entry
 
 
+@cache
+def code_sha256(module: str) -> str:
+    """A hash of the Python files in the folder of ``module``; empty for what pip has put into its place.
+
+    An installation that can be edited keeps its version while its code changes.
+    """
+    import importlib.util
+
+    try:
+        found = importlib.util.find_spec(module)
+    except (Exception, SystemExit):  # noqa: BLE001 - it imports the packages above, which may raise anything
+        return ""
+    if found is None or not found.origin or {"site-packages", "dist-packages"} & {*Path(found.origin).parts}:
+        return ""
+    place, digest = Path(found.origin), hashlib.sha256()
+    alone = "." not in module and place.name != "__init__.py"
+    for file in [place] if alone else sorted(place.parent.rglob("*.py")):
+        with suppress(OSError):  # it goes while we look
+            digest.update(file.relative_to(place.parent).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
+
+
 def tree_sha256(tree: Any) -> str:
     """SHA-256 of a tree of plain values, whatever the order of its keys."""
     return hashlib.sha256(json.dumps(tree, sort_keys=True, ensure_ascii=True).encode()).hexdigest()
