@@ -289,7 +289,9 @@ def calling(
         if not isinstance(plugin, Registration | Origin):
             error.cause += f" ({name})"
         raise
-    except (GestureError, *passing):
+    except GestureError:
+        raise
+    except passing:
         raise
     except MemoryError as error:
         more = "a larger limits.memory (--set, or GESTURE_SET_LIMITS__MEMORY), and --retry-errors"
