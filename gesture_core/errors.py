@@ -86,6 +86,7 @@ class Code(StrEnum):
     SUBJECTS = "E_SUBJECTS", "who performs is unknown, or too few people do", "other --subjects", 2
     SPLIT = "E_SPLIT", "a split leaves no example or no query", "another --train", 2
     READ = "E_READ", "cannot be read or listed", "check what it is and its permissions"
+    SOURCE = "E_SOURCE", "a camera or stream cannot be read, or has ended", "its cable, number or address"
     CHANGED = "E_CHANGED", "was written while it was in use, or since the run", "the same command again"
 
     # Videos.
