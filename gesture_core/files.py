@@ -111,8 +111,13 @@ def _lost(link: Path) -> tuple[str, str]:
 def _no_content(status: os.stat_result) -> tuple[str, str] | None:
     if not modes.S_ISREG(status.st_mode):
         return "is not a regular file", "leave it out"
+    return made_up(status)
+
+
+def made_up(status: os.stat_result) -> tuple[str, str] | None:
+    """Cause and remedy of a file or folder that the system makes up, as in ``/proc``; None for any other."""
     if status.st_dev in _made_up():
-        return "is made up by the system, and no file", "leave it out"
+        return "is made up by the system, and holds no recording", "leave it out"
     return None
 
 
