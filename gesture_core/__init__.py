@@ -19,9 +19,12 @@ if TYPE_CHECKING:
     from gesture_core.run.archive import classify_archive as classify_archive
     from gesture_core.run.archive import load_poses as load_poses
     from gesture_core.run.archive import spot_archive as spot_archive
+    from gesture_core.run.cut import Clip as Clip
+    from gesture_core.run.cut import cut_events as cut_events
     from gesture_core.run.evaluate import evaluate_archive as evaluate_archive
     from gesture_core.run.explain import explain as explain
     from gesture_core.run.pipeline import RunSummary as RunSummary
+    from gesture_core.run.watch import watch as watch
     from gesture_core.settings import Settings as Settings
     from gesture_core.settings import load_settings as load_settings
     from gesture_core.spot.spotter import Spotter as Spotter
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _PUBLIC = {
+    "Clip": "run.cut",
     "Code": "errors",
     "DtwSpec": "dtw.spec",
     "Event": "types",
@@ -51,6 +55,7 @@ _PUBLIC = {
     "Signals": "types",
     "Spotter": "spot.spotter",
     "classify_archive": "run.archive",
+    "cut_events": "run.cut",
     "evaluate_archive": "run.evaluate",
     "evaluate_events": "run.annotations",
     "explain": "run.explain",
@@ -59,6 +64,7 @@ _PUBLIC = {
     "load_settings": "settings",
     "spot_archive": "run.archive",
     "warping_distances": "dtw.distances",
+    "watch": "run.watch",
 }
 """Where each public name is, for when it is first used; the imports above say the same to type checkers."""
 

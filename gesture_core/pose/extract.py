@@ -9,21 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import (
-    CropFollowing,
-    Person,
-    PoseBackend,
-    RegionFollowing,
-    TemporalChoice,
-    Traceable,
-)
+from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable
 from gesture_core.pose.follow import Follower
 from gesture_core.pose.region import RegionFollower
 from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import skeleton
-from gesture_core.types import PoseSequence
+from gesture_core.types import Person, PoseSequence
 
 if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import PoseBackend
     from gesture_core.settings import Settings
 
 Frame = tuple[float, np.ndarray]
@@ -86,7 +80,7 @@ def extract_poses(
         Crop to the person and follow them; None lets the backend decide. Only with ``people="single"``.
     steady : bool, optional
         Choose every limb for all frames together (`gesture_core.pose.temporal`); None lets the backend
-        decide, which does so unless its option ``steady`` is false. Only with ``people="single"``.
+        decide, which does so unless its ``steady`` is false. Only with ``people="single"``.
     source : str
         What to call the input.
 
@@ -103,16 +97,8 @@ def extract_poses(
     """
     body = skeleton(backend.skeleton)
     joints = len(body.joints)
-    if follow is None:
-        follow = isinstance(backend, CropFollowing) and backend.follow
-    if steady is None:
-        steady = backend.steady if isinstance(backend, TemporalChoice) else True
-    follower: Follower | RegionFollower | None = None
-    if follow and people == "single":
-        if isinstance(backend, RegionFollowing) and backend.region:
-            follower = RegionFollower(backend)
-        else:
-            follower = Follower(backend)
+    follower = follower_of(backend, follow) if people == "single" else None
+    steady = is_steady(backend) if steady is None else steady
     choice = JointChoice(body) if steady and people == "single" else None
     tracker = Tracker(joints) if people == "multi" else None
     others = 0
@@ -162,6 +148,22 @@ def extract_poses(
     if choice:
         where, certain = choice.choose(where, certain, np.stack(peaks), at)
     return [PoseSequence(where, certain, at, backend.skeleton, size, 0, source, provenance)]
+
+
+def follower_of(backend: PoseBackend, follow: bool | None = None) -> Follower | RegionFollower | None:
+    """What follows one person for ``backend``; None where it is given whole pictures."""
+    if follow is None:
+        follow = isinstance(backend, CropFollowing) and backend.follow
+    if not follow:
+        return None
+    if isinstance(backend, RegionFollowing) and backend.region:
+        return RegionFollower(backend)
+    return Follower(backend)
+
+
+def is_steady(backend: PoseBackend) -> bool:
+    """Whether limbs are chosen over time, where nobody says otherwise."""
+    return backend.steady if isinstance(backend, CropFollowing) else True
 
 
 @dataclass

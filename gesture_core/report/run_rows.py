@@ -16,7 +16,7 @@ from gesture_core.classify.recognizer import Recognizer
 from gesture_core.errors import GestureError
 from gesture_core.files import printable
 from gesture_core.report.alignments import alignment_record
-from gesture_core.report.previews import Preview, Previews
+from gesture_core.report.row_previews import Preview, RowPreviews
 from gesture_core.run.evaluate import people_of
 from gesture_core.run.inputs import Input, discover
 from gesture_core.run.labels import label_inputs
@@ -85,7 +85,7 @@ def read_rows(
         name: _Example(index, name, one)
         for index, (name, one) in enumerate(configuration["examples"].items())
     }
-    page = _Page(run, settings, examples, recognizer, Previews(settings, clips))
+    page = _Page(run, settings, examples, recognizer, RowPreviews(settings, clips))
     rows = [_PageRow(key, row) for key, row in keyed]
     page.find(rows, labels, label_columns)
     page.look(rows, listener or Listener(), previews=previews, workers=workers)
@@ -167,7 +167,7 @@ class _Page:
     settings: Settings
     examples: dict[str, _Example]
     recognizer: Recognizer | None
-    previews: Previews
+    previews: RowPreviews
     _items: dict[bytes, Input] = field(default_factory=dict)
 
     def find(self, rows: Sequence[_PageRow], labels: str, columns: str) -> None:

@@ -22,7 +22,7 @@ from gesture_core.classify.comparison import parts
 from gesture_core.cli.main import run
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
-from gesture_core.plugin.interfaces import KINDS
+from gesture_core.plugin.hooks import KINDS
 from gesture_core.plugin.template import write_plugin
 from gesture_core.signals.mirror import mirrored
 from gesture_core.testing import checks_for
@@ -176,7 +176,7 @@ def test_what_is_written_is_clean_and_typed(installed: Path, sources: dict[str, 
 @pytest.mark.parametrize(
     ("kind", "name", "message"),
     [
-        ("filtr", "speed", "did you mean 'filter'"),
+        ("filtr", "speed", "did you mean filter"),
         ("filter", "Speed", "lower-case letters"),
         ("filter", "3d", "a letter first"),
         ("filter", "../speed", "is no name"),

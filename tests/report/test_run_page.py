@@ -114,12 +114,12 @@ def test_names_are_data_and_the_page_brings_all_that_it_loads(page: Path) -> Non
 
 def test_a_preview_shows_the_person_with_the_times_of_the_input(drawn: DemoArchive, tmp_path: Path) -> None:
     av = pytest.importorskip("av")
-    from gesture_core.report.previews import Previews
+    from gesture_core.report.row_previews import RowPreviews
     from gesture_core.run.inputs import discover
     from gesture_core.settings import load_settings
 
     (item,) = discover([drawn.videos / "clip_01.mp4"])
-    previews = Previews(load_settings(), tmp_path / "clips")
+    previews = RowPreviews(load_settings(), tmp_path / "clips")
     whole = previews.want(item, "content", "", None, 0.0, 60.0)
     part = previews.want(item, "content", "", None, 0.5, 1.25)
     gone = previews.want(item, "content", "", None, 50.0, 51.0)
@@ -133,7 +133,7 @@ def test_a_preview_shows_the_person_with_the_times_of_the_input(drawn: DemoArchi
         assert times[0] < 0.07 and times[-1] < most and max(np.diff(times)) < 0.15
         assert min(np.diff(times)) > 0.04, "no more than 15 a second"
     written = (tmp_path / "clips" / part.name).stat().st_ino
-    again = Previews(load_settings(), tmp_path / "clips")
+    again = RowPreviews(load_settings(), tmp_path / "clips")
     again.want(item, "content", "", None, 0.5, 1.25)
     assert again.make(1) == {} and [one.name for one in (tmp_path / "clips").iterdir()] == [part.name]
     assert (tmp_path / "clips" / part.name).stat().st_ino == written, "it came out of the cache"

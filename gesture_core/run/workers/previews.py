@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.pose.overlay import draw_pose, write_video
+from gesture_core.pose.overlay import draw_pose
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
+from gesture_core.video.writer import write_video
 
 if TYPE_CHECKING:
     from gesture_core.settings import Settings
@@ -189,7 +190,7 @@ def _cropped(frame: np.ndarray, left: float, top: float, side: float) -> np.ndar
 
 def open_cuts(path: Path, settings: Settings) -> Iterator[tuple[float, np.ndarray]]:
     """The frames of a video that previews show, as the extraction saw them."""
-    from gesture_core.plugin.interfaces import VideoLimits
+    from gesture_core.records import VideoLimits
     from gesture_core.video import at_rate, open_video, pictures
 
     limits = VideoLimits(settings.limits.pixels, settings.limits.frames)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +14,12 @@ from gesture_core.files import printable
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import Skeleton
 from gesture_core.types import PoseSequence
-from gesture_pose_files.files import check_people, head_of, open_keypoints
-from gesture_pose_files.layout import check_seconds, sequence, skeleton_called
-from gesture_pose_files.named import best
+from gesture_pose_files.files import head_of, open_keypoints
+from gesture_pose_files.layout import sequence, skeleton_called
+from gesture_pose_files.named import order_of
 from gesture_pose_files.npy import MAX_FILE_BYTES, read_array, read_header
 from gesture_pose_files.npz import Members, array_in, members_of, opened, shape_of
+from gesture_pose_files.reader import Reader, clip_called
 from gesture_pose_files.whole_body import is_known, is_one_frame, people_in
 
 _PICKLES = (".pkl", ".pickle", ".joblib")
@@ -30,12 +31,16 @@ _SCORES = (
     "scores", "score", "keypoint_scores", "keypoint_score", "keypoints_score", "confidence", "conf",
     "visibility", "pose_scores",
 )  # fmt: skip
+_RATES = ("fps", "frame_rate", "framerate")
+_TIMES = ("times", "timestamps", "timestamp", "time", "t")
+_NAMES = ("joint_names", "keypoint_names", "landmark_names", "node_names", "joints", "names")
+_PICTURES = {"frame_size": False, "img_shape": True, "original_shape": True, "image_shape": True}
+"""Whether the height stands first, as in MMPose's and OpenCV's shapes of images."""
 # Joints of a hand, and of a face as dlib, MediaPipe, and MediaPipe with irises have them.
 _HAND_AND_FACE = (21, 68, 70, 468, 478)
 
 
-@dataclass(frozen=True)
-class ArrayReader:
+class ArrayReader(Reader):
     """Reads keypoint arrays.
 
     - ``.npy``: (T, J, 2|3|4) or (T, 2J|3J|4J); J of 15 (MPI), 17 (COCO), 18 (OpenPose COCO), 25
@@ -45,19 +50,8 @@ class ArrayReader:
     - ``.npz`` with one array of a body beside arrays of scores, hands, face or boxes.
     - ``.npz`` with one such array for each sequence, its key the sequence's name.
 
-    Attributes
-    ----------
-    options : ReadOptions
-        What files leave open. Our own archives name their joints, and say x first.
-    people : "single" or "multi"
-        Of an array with people: the one with the highest scores, or each.
+    Our own archives name their joints, and say x first.
     """
-
-    options: ReadOptions = field(default_factory=ReadOptions)
-    people: str = "single"
-
-    def __post_init__(self) -> None:
-        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is called ``.npy`` or ``.npz`` and begins like one; one frame is no sequence."""
@@ -121,39 +115,24 @@ class ArrayReader:
         if member in keys:
             return self._sequences(array_in(archive, keys[member], source), options, source)
         names = _sequence_names(_shapes(archive, keys, path), options) if not member else []
-        if len(names) != 1:
-            shown = ", ".join(list(keys)[:5]) + (", …" if len(keys) > 5 else "")
-            raise KeypointError(
-                f"holds {len(keys)} arrays, and {member!r} is none of them",
-                subject=printable(path),
-                remedy=f"one of {shown}" if keys else "arrays of keypoints",
-                code="E_KEYPOINTS_MEMBER",
-            )
-        (name,) = names
+        name = clip_called(member, {name: name for name in names}, path, "arrays of keypoints")
         points = array_in(archive, keys[name], source)
         if scores := next((key for key in _SCORES if key in keys and key != name), ""):
             points = _with_scores(points, array_in(archive, keys[scores], source), source)
-        times = array_in(archive, keys["times"], source) if "times" in keys else None
-        if times is not None and times.shape != points.shape[:1]:
-            raise KeypointError(
-                f"times {times.shape} do not fit keypoints {points.shape}",
-                subject=source,
-                code="E_KEYPOINTS_SHAPE",
-            )
-        if times is not None:
-            check_seconds(times, source)
+        times, clock = _times(archive, keys, points.shape, source)
         body: Skeleton | None = None
         if "skeleton" in keys:
             text = array_in(archive, keys["skeleton"], source, kinds="U")
             body = skeleton_called(
                 str(text.reshape(-1)[0])[:_MAX_NAME_CHARS] if text.size == 1 else "?", source
             )
-        size = None
-        if "frame_size" in keys:
-            pair = array_in(archive, keys["frame_size"], source).reshape(-1)
-            if len(pair) == 2 and (pair >= 1).all() and (pair < 1 << 20).all():
-                size = (int(pair[0]), int(pair[1]))
-        used = {name, scores, "times", "skeleton", "frame_size", *_RATES}
+        joints: dict[str, tuple[str, ...]] = {}
+        if body is None and not options.order:
+            joints = _joints(archive, keys, points.shape, source)
+        for order in joints.values():
+            options = replace(options, order=order)
+        size, picture = _picture(archive, keys, source)
+        used = {name, scores, clock, "skeleton", picture, *joints, *_RATES}
         others = [key for key in keys if key not in used]
         more = ", …" if others[5:] else ""
         notes = (f"arrays that are not used: {', '.join(others[:5])}{more}",) if others else ()
@@ -185,10 +164,7 @@ class ArrayReader:
             )
             for one in people
         ]
-        return found if len(found) == 1 else best(found, self.people)
-
-
-_RATES = ("fps", "frame_rate", "framerate")
+        return found if len(found) == 1 else self.best(found, source)
 
 
 def _with_rate(archive: zipfile.ZipFile, keys: Members, options: ReadOptions, source: str) -> ReadOptions:
@@ -199,6 +175,47 @@ def _with_rate(archive: zipfile.ZipFile, keys: Members, options: ReadOptions, so
     rate = array_in(archive, keys[name], source).reshape(-1)
     known = len(rate) == 1 and 0.001 <= rate[0] <= 100_000
     return replace(options, fps=float(rate[0])) if known else options
+
+
+def _times(
+    archive: zipfile.ZipFile, keys: Members, shape: tuple[int, ...], source: str
+) -> tuple[np.ndarray | None, str]:
+    """Seconds of the frames and the name of the array that holds them, where there is one."""
+    for name in _TIMES:
+        if name in keys:
+            times = array_in(archive, keys[name], source)
+            if times.ndim == 1 and len(times) in shape[: max(1, len(shape) - 2)]:
+                return times, name
+            if name == _TIMES[0]:
+                raise KeypointError(
+                    f"times {times.shape} do not fit keypoints {shape}",
+                    subject=source,
+                    code="E_KEYPOINTS_SHAPE",
+                )
+    return None, ""
+
+
+def _joints(
+    archive: zipfile.ZipFile, keys: Members, shape: tuple[int, ...], source: str
+) -> dict[str, tuple[str, ...]]:
+    """The order of the joints, by the name of the array that tells it, where there is one."""
+    for key in _NAMES:
+        held = array_in(archive, keys[key], source, kinds="USfiu") if key in keys else np.zeros(0)
+        text = held.ndim == 1 and held.dtype.kind in "US" and len(held) in shape[1:]
+        if text and (order := order_of([str(name) for name in held.astype("U")])):
+            return {key: order}
+    return {}
+
+
+def _picture(archive: zipfile.ZipFile, keys: Members, source: str) -> tuple[tuple[int, int] | None, str]:
+    """Width and height of the picture and the name of the array that tells them, where there is one."""
+    for key, turned in _PICTURES.items():
+        if key in keys:
+            sides = array_in(archive, keys[key], source).reshape(-1)
+            if len(sides) in (2, 2 + turned) and (sides >= 1).all() and (sides < 1 << 20).all():
+                width, height = (sides[1], sides[0]) if turned else sides
+                return (int(width), int(height)), key
+    return None, ""
 
 
 def _with_scores(points: np.ndarray, scores: np.ndarray, source: str) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from io import BytesIO
 from itertools import chain
@@ -14,24 +13,25 @@ import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
-from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.columns import Columns, body_of_rows, columns_of, missing_note, unused_note
-from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, check_people, head_of, open_keypoints
-from gesture_pose_files.layout import check_seconds, flat_widths, sequence
+from gesture_pose_files.deeplabcut import is_deeplabcut
+from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, head_of, open_keypoints
+from gesture_pose_files.layout import flat_widths, sequence
 from gesture_pose_files.ordering import Rows, by_joint, by_person, frame_numbers, in_order
 from gesture_pose_files.people import tracks
-from gesture_pose_files.table import number_in, numbers_of, rows_of, split_header
+from gesture_pose_files.reader import OneClipReader
+from gesture_pose_files.table import MAX_LINE, SUFFIXES, number_in, numbers_of, rows_of, split_header
 
-_HEAD_BYTES = 1 << 16
-_SUFFIXES = (".csv", ".tsv")
+_HEAD_BYTES = MAX_LINE
 _MAX_JOINT_ROWS = 8 * MAX_FRAMES
 _SHOWN = 100
-_DEEPLABCUT = (b"scorer,", b"bodyparts,")
+_MOST_LEADING = 2
+_FEWEST_ROWS = 3
+_Person = tuple[np.ndarray, np.ndarray | None, Rows, list[str]]
 
 
-@dataclass(frozen=True)
-class CsvReader:
+class CsvReader(OneClipReader):
     """Reads keypoint tables, separated by commas, semicolons or tabs.
 
     - Without names: one row a frame, 2, 3 or 4 values for each joint; 36 columns are x, y in OpenPose's
@@ -39,33 +39,20 @@ class CsvReader:
     - With names: two columns or more for each joint, such as ``nose_x``, ``nose_y``, ``nose_score``; or a
       column that names the joint of each row, with ``x`` and ``y``. Perhaps columns for the time in
       seconds or the frame, and for the person. What else there is, is named in a note.
-
-    Attributes
-    ----------
-    options : ReadOptions
-        What tables leave open; a header says which column is x, and perhaps the joints.
-    people : "single" or "multi"
-        The person whose scores sum to the most, or everybody.
     """
-
-    options: ReadOptions = field(default_factory=ReadOptions)
-    people: str = "single"
-
-    def __post_init__(self) -> None:
-        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether a ``.csv`` or ``.tsv`` begins with a row of keypoints, or with names of joints."""
-        if path.suffix.lower() not in _SUFFIXES:
+        if path.suffix.lower() not in SUFFIXES:
             return False
         head = head_of(path, _HEAD_BYTES)
-        if head.removeprefix(b"\xef\xbb\xbf").lower().startswith(_DEEPLABCUT):
+        if is_deeplabcut(head):
             return False  # it has a reader of its own
         if len(head) == _HEAD_BYTES:
             head = head[: head.rfind(b"\n") + 1] or head
         try:
             names, rows, columns = self._opened(BytesIO(head), printable(path))
-            return columns is not None if names else self._flat(next(rows, [])) is not None
+            return columns is not None if names else bool(self._ends(next(rows, [])))
         except KeypointError as error:
             if error.code == "E_KEYPOINTS_SKELETON":
                 raise
@@ -73,29 +60,17 @@ class CsvReader:
 
     def refusal(self, path: Path) -> str:
         """The header, which names no joints."""
-        lines = head_of(path, _HEAD_BYTES).decode("utf-8-sig", "replace").splitlines()
+        head = head_of(path, _HEAD_BYTES)
+        lines = head.decode("utf-8-sig", "replace").splitlines()
         header = next((line for line in lines if line.strip()), "")
         if not header:
             return "it is empty"
+        if b"\0" in head:
+            return "it is no UTF-8 text; save it as CSV in UTF-8"
         return f"its header {_quoted(header)} names no joints, and is no row of keypoints"
 
-    def members(self, path: Path) -> list[str]:
-        """``[""]``: a table is one sequence."""
-        return [""]
-
-    def read(self, path: Path, member: str = "") -> list[PoseSequence]:
-        """The people in the table.
-
-        Raises
-        ------
-        KeypointError
-            `E_KEYPOINTS_FORMAT` for a CSV file that is no keypoint table, `E_KEYPOINTS_SKELETON`,
-            `E_KEYPOINTS_VALUE`, `E_KEYPOINTS_TIMES`, `E_KEYPOINTS_LIMIT`, and those of
-            `files.open_keypoints`.
-        """
-        source = printable(path)
-        if member:
-            raise KeypointError(f"has no member {member!r}", subject=source, code="E_KEYPOINTS_MEMBER")
+    def sequences(self, path: Path, source: str) -> list[PoseSequence]:
+        """The people in the table."""
         with open_keypoints(path, MAX_CSV_BYTES) as file:
             names, rows, columns = self._opened(file, source)
             first = next(rows, None)
@@ -117,23 +92,28 @@ class CsvReader:
         names, rows = split_header(rows_of(file, source), find)
         return names, rows, find(names) if names else None
 
-    def _flat(self, cells: Sequence[str]) -> int | None:
-        """How many columns stand before the keypoints of a row without names; None for another row."""
+    def _ends(self, cells: Sequence[str], leading: Sequence[int] = range(_MOST_LEADING + 1)) -> list[int]:
+        """Where keypoints may end in a row without names, after so many ``leading`` columns."""
         if any(number_in(cell) is None for cell in cells):
-            return None
+            return []
+        ends = (len(cells), len(cells) - 1) if cells and not cells[-1].strip() else (len(cells),)
         widths = flat_widths(self.options)
-        if len(cells) in widths:
-            return 0
-        return 1 if len(cells) - 1 in widths and cells[0].strip() in ("0", "1") else None
+        return [end for end in ends if any(end - start in widths for start in leading)]
 
     def _bare(self, first: list[str], rows: Iterator[list[str]], source: str) -> list[PoseSequence]:
-        start, width = self._flat(first), len(first)
-        if start is None:
+        if not self._ends(first):
             raise _no_table(first, source)
+        width = len(first)
         table, _ = numbers_of(chain([first], rows), width, range(width), (), MAX_FRAMES, source)
-        if start and (np.diff(table[:, 0]) != 1).any():
+        leading = _leading(table)
+        ends = self._ends(first, [leading])
+        if not ends:
             raise _no_table(first, source)
-        return [sequence(table[:, start:], self.options, source=source, reader="csv")]
+        points = table[:, leading : ends[0]]
+        if flat_widths(self.options)[points.shape[1]][1] == 2:
+            _refuse_labels(points, source)
+        times = table[:, 1] if leading == 2 else None
+        return [sequence(points, self.options, source=source, reader="csv", times=times)]
 
     def _named(
         self, names: list[str], columns: Columns, rows: Iterator[list[str]], source: str
@@ -149,9 +129,15 @@ class CsvReader:
         def text_of(column: int | None) -> list[str] | None:
             return None if column is None else [cells[rest.index(column)].strip() for cells in texts]
 
+        clips = sorted({*(text_of(columns.clip) or [])} - {""})
+        if 1 < len(clips) <= len(table) / _FEWEST_ROWS:
+            raise KeypointError(
+                f"holds {len(clips)} clips, as its column {names[columns.clip or 0].strip()[:40]!r} says",
+                subject=source,
+                remedy="one file for each clip",
+                code="E_KEYPOINTS_FORMAT",
+            )
         times = None if columns.time is None else table[:, columns.time] * columns.tick
-        if times is not None:
-            check_seconds(times, source)
         frames = text_of(columns.frame)
         every = Rows(
             np.stack([_take(table, c) for c in (columns.x, columns.y, columns.score)], axis=2),
@@ -168,54 +154,65 @@ class CsvReader:
             named = not labels[0].isdigit()
             groups = [by_joint(one, labels, where, len(body.joints), source) for one in groups]
         notes = [*unused_note(columns.unused), *missing_note(body if named else None), *notes]
-        found = [person for one in groups for person in self._people(one, len(body.joints), source)]
-        if self.people == "single" and len(found) > 1:
-            best = max(found, key=lambda person: person.weight)
-            found = [best]
-            name = f", {best.rows.name}" if best.rows.name else ""
-            notes.append(f"1 of {len(groups)} people taken{name}: the scores sum to the most")
-        return [
-            sequence(
-                one.points,
-                self.options,
-                source=source,
-                reader="csv",
-                scores=one.scores,
-                times=one.rows.times,
-                numbers=one.rows.numbers,
-                body=body if named else None,
-                axes="xy",
-                person=number,
-                notes=[*notes, *one.notes],
-            )
-            for number, one in enumerate(found)
-        ]
+        found, names = [], []
+        for one in groups:
+            for points, scores, mine, own in self._people(one, len(body.joints), source):
+                names.append(mine.name)
+                found.append(
+                    sequence(
+                        points,
+                        self.options,
+                        source=source,
+                        reader="csv",
+                        scores=scores,
+                        times=mine.times,
+                        numbers=mine.numbers,
+                        clock=every.numbers if times is None else times,
+                        body=body if named else None,
+                        axes="xy",
+                        notes=[*notes, *own],
+                    )
+                )
+        return self.best(found, source, names)
 
-    def _people(self, rows: Rows, joints: int, source: str) -> list[_Person]:
+    def _people(self, rows: Rows, joints: int, source: str) -> Iterator[_Person]:
         """One person, or several whom only their place tells apart."""
         rows, notes = in_order(rows, source)
         if not rows.several:
-            return [_Person(rows.points, rows.scores, rows, notes)]
+            yield rows.points, rows.scores, rows, notes
+            return
         frames, first = rows.frames()
-        found = tracks(frames, joints, self.people)
         most = max(len(frame) for frame in frames)
         notes.append(f"up to {most} people in a frame told apart by their place, as no column does")
-        return [_Person(points, scores, first, notes) for points, scores in found]
+        for points, scores in tracks(frames, joints, self.people):
+            yield points, scores, first, notes
 
 
-@dataclass(frozen=True, eq=False)
-class _Person:
-    points: np.ndarray
-    scores: np.ndarray | None
-    rows: Rows
-    notes: list[str]
+def _leading(table: np.ndarray) -> int:
+    """How many of the first columns count the rows, or tell times in even steps after one that does."""
+    if len(table) < _FEWEST_ROWS or table[0, 0] not in (0, 1) or (np.diff(table[:, 0]) != 1).any():
+        return 0
+    steps = np.diff(table[:, 1])
+    even = steps[0] > 0 and np.allclose(steps, steps[0], rtol=0.05, atol=0)
+    return 2 if even and abs(table[0, 1]) <= steps[0] else 1
 
-    @property
-    def weight(self) -> float:
-        """The sum of the scores, or the number of joints that are there."""
-        if self.scores is None:
-            return float(np.isfinite(self.points).all(axis=2).sum())
-        return float(np.nansum(self.scores))
+
+def _refuse_labels(points: np.ndarray, source: str) -> None:
+    """Refuse x and y that are two numbers of a label: whole, always the same, and far from all joints."""
+    pairs = points.reshape(len(points), -1, 2)
+    for what, place in (("first", 0), ("last", -1)):
+        pair, others = pairs[:, place], np.delete(pairs, place, axis=1)
+        others = others[np.isfinite(others).all(axis=2) & others.any(axis=2)]
+        same = len(pairs) >= _FEWEST_ROWS and (pair == pair[0]).all() and (pair == pair.round()).all()
+        if same and pair[0].any() and len(others):
+            low, high = others.min(axis=0), others.max(axis=0)
+            if (np.maximum(low - pair[0], pair[0] - high) > (high - low) / 4).any():
+                raise KeypointError(
+                    f"its {what} two columns are {pair[0, 0]:g}, {pair[0, 1]:g} in every row, and no joint",
+                    subject=source,
+                    remedy="the columns of the joints alone, or a header that names them",
+                    code="E_KEYPOINTS_FORMAT",
+                )
 
 
 def _no_table(cells: Sequence[str], source: str) -> KeypointError:

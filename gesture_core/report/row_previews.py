@@ -1,4 +1,4 @@
-"""Previews of the rows of a run: which are needed, which are in the cache, and making the others."""
+"""RowPreviews of the rows of a run: which are needed, which are in the cache, and making the others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 
 from gesture_core.cores import usable_cores
 from gesture_core.files import cache_dir, tree_sha256, without_cache
-from gesture_core.pose.overlay import can_write_video
 from gesture_core.run.inputs import Input
 from gesture_core.run.store import keypoint_store
 from gesture_core.run.workers.functions import encoded
@@ -18,6 +17,7 @@ from gesture_core.run.workers.previews import REVISION
 from gesture_core.run.workers.processes import ProcessEngine
 from gesture_core.settings import Settings
 from gesture_core.types import Job, Task
+from gesture_core.video.writer import can_write_video
 
 LONGEST = 20.0
 """Seconds of an input that a preview shows."""
@@ -39,7 +39,7 @@ class Preview:
 
 
 @dataclass
-class Previews:
+class RowPreviews:
     """The previews that a page needs, asked for with `want` and made with `make`.
 
     Attributes
