@@ -29,7 +29,7 @@ _OFTEN = 1 / 3
 """Share of the frames from which other people are worth a note."""
 _OTHERS = (
     "other people are visible in a third of the frames or more; the one who is seen best is taken "
-    "(pose.people=multi takes all)"
+    "(--set pose.people=multi takes all)"
 )
 
 
@@ -362,7 +362,7 @@ class _Looked:
         """What a clock that stands still means for what is looked at."""
         return (
             f"{self.repeated} frames have the time of the one before, and pose.rate looks at one of them; "
-            "try: video.fps=RATE, or pose.rate=none"
+            "try: --set video.fps=RATE, or --set pose.rate=none"
         )
 
     def flush(self) -> None:
