@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from gesture_core.errors import GestureError, InputError, MissingDependencyError, RunFolderError, WorkerError
 from gesture_core.files import printable
+from gesture_core.records import Job, Row, Task
 from gesture_core.run.evaluate import people_of
 from gesture_core.run.found_again import find_inputs
 from gesture_core.run.inputs import Input
@@ -24,7 +25,6 @@ from gesture_core.run.workers.clips import SAME
 from gesture_core.run.workers.functions import encoded
 from gesture_core.run.workers.processes import ProcessEngine
 from gesture_core.settings import Settings, settings_from_dict
-from gesture_core.types import Job, Row, Task
 
 _ODD = re.compile(r"[^\w .=@+-]")
 _LONGEST = 100

@@ -15,6 +15,7 @@ from gesture_core.classify.explanation import Explanation
 from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import GestureError, InputError, RunFolderError
 from gesture_core.files import printable
+from gesture_core.records import Row
 from gesture_core.run.evaluate import people_of
 from gesture_core.run.found_again import path_of, spelled
 from gesture_core.run.inputs import Input, discover
@@ -23,7 +24,7 @@ from gesture_core.run.results import open_results
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
-from gesture_core.types import PoseSequence, Row, Signals
+from gesture_core.types import PoseSequence, Signals
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
 from gesture_core.files import printable
+from gesture_core.records import Job
 from gesture_core.run.inputs import Input, discover
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
-from gesture_core.types import Job
 
 
 def path_of(name: str, place: str) -> Path:

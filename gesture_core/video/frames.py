@@ -8,12 +8,16 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gesture_core.errors import MediaError
-from gesture_core.plugin.interfaces import LazyFrames, Video
+from gesture_core.plugin.abilities import LazyFrames
 from gesture_core.video.integrity import DamageLog
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import Video
 
 DEFAULT_FPS = 25.0
 """Frames a second where nothing tells."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from gesture_core.errors import GestureError, InputError, MediaError
 from gesture_core.files import content_sha256
-from gesture_core.plugin.interfaces import VideoLimits
+from gesture_core.records import VideoLimits
 from gesture_core.settings import Settings
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError
-from gesture_core.plugin.interfaces import ExplainsRefusal
+from gesture_core.plugin.abilities import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.run.workers.keypoints import open_reader
 from gesture_core.run.workers.worker import Worker

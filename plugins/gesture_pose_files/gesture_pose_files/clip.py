@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_core.plugin.interfaces import Person
 from gesture_core.plugin.reading import ReadOptions
-from gesture_core.types import PoseSequence
+from gesture_core.types import Person, PoseSequence
 from gesture_pose_files.files import MAX_FRAMES
 from gesture_pose_files.json_people import Found
 from gesture_pose_files.layout import BY_COUNT, are_shares, sequence
