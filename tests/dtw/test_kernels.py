@@ -61,7 +61,12 @@ def drawn_cases(thorough: bool) -> list[tuple[Case, np.ndarray]]:
     """The cases and what the reference computes for them, once for all kernels."""
     found: list[tuple[Case, np.ndarray]] = []
 
-    @settings(max_examples=CASES[thorough][0], deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=CASES[thorough][0],
+        deadline=None,
+        derandomize=True,
+        suppress_health_check=list(HealthCheck),
+    )
     @given(cases())
     def draw(case: Case) -> None:
         found.append((case, reference_table(case)))
