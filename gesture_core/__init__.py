@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gesture_core.run.evaluate import evaluate_archive as evaluate_archive
     from gesture_core.run.explain import explain as explain
     from gesture_core.run.pipeline import RunSummary as RunSummary
+    from gesture_core.run.watch import watch as watch
     from gesture_core.settings import Settings as Settings
     from gesture_core.settings import load_settings as load_settings
     from gesture_core.spot.spotter import Spotter as Spotter
@@ -63,6 +64,7 @@ _PUBLIC = {
     "load_settings": "settings",
     "spot_archive": "run.archive",
     "warping_distances": "dtw.distances",
+    "watch": "run.watch",
 }
 """Where each public name is, for when it is first used; the imports above say the same to type checkers."""
 

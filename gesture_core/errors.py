@@ -6,6 +6,7 @@ are empty are left out. Errors survive pickling, as those of libraries that run 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import Any, Literal, Self
 
@@ -85,6 +86,7 @@ class Code(StrEnum):
     SUBJECTS = "E_SUBJECTS", "who performs is unknown, or too few people do", "other --subjects", 2
     SPLIT = "E_SPLIT", "a split leaves no example or no query", "another --train", 2
     READ = "E_READ", "cannot be read or listed", "check what it is and its permissions"
+    SOURCE = "E_SOURCE", "a camera or stream cannot be read, or has ended", "its cable, number or address"
     CHANGED = "E_CHANGED", "was written while it was in use, or since the run", "the same command again"
 
     # Videos.
@@ -197,6 +199,26 @@ class Code(StrEnum):
     STORE_WRITE = "E_STORE_WRITE", "the keypoint store cannot be written", "another GESTURE_CACHE"
     GESTURE = "E_GESTURE", "an error of no other code", "the message says more"
     # fmt: on
+
+
+def near(word: str, known: Sequence[str], otherwise: str = "") -> str:
+    """A remedy for a word that is none of those known: the ones that are spelled alike, or all of them.
+
+    ``otherwise`` says where they are listed, instead of listing them.
+    """
+    import difflib
+
+    alike = difflib.get_close_matches(str(word), known, 3)
+    every = otherwise or f"one of {', '.join(known) or '(none)'}"
+    return f"did you mean {' or '.join(alike)}? {otherwise}".rstrip() if alike else every
+
+
+def described(error: BaseException) -> str:
+    """The class and text of an exception, which may fail to have any text."""
+    try:
+        return f"{type(error).__name__}: {error}"
+    except Exception:  # noqa: BLE001 - it is somebody else's class
+        return type(error).__name__
 
 
 class GestureError(Exception):

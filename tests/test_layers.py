@@ -117,7 +117,7 @@ PUBLIC_FOR = {
     },
     "gesture_pose_onnx": {"errors", "plugin.hooks", "pose"},
     "gesture_pose_opencv": {"errors", "plugin.hooks", "pose"},
-    "gesture_signals": {"errors", "plugin.hooks", "signals.body", "types"},
+    "gesture_signals": {"errors", "plugin.hooks", "skeletons", "types"},
     "gesture_video": {"errors", "plugin.hooks", "records", "video"},
 }
 """Modules below ``gesture_core`` from which a plugin may import what their ``__all__`` lists, or all where

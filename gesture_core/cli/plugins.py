@@ -15,13 +15,12 @@ from cyclopts import Parameter
 
 from gesture_core.cli.flags import UNSAID
 from gesture_core.cli.output import counted, print_list, print_table, say
-from gesture_core.errors import GestureError, MissingDependencyError, ModelError, PluginError, PoseError
+from gesture_core.errors import GestureError, MissingDependencyError, ModelError, PluginError, PoseError, near
 from gesture_core.files import printable
 from gesture_core.plugin import registry
 from gesture_core.plugin.hooks import KINDS
 from gesture_core.plugin.registry import Registration, Registry
 from gesture_core.settings import load_settings
-from gesture_core.settings.load import near
 
 _PARAMETERS = "Parameters\n"
 

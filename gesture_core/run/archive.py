@@ -53,7 +53,7 @@ def load_poses(
     GestureError
         For the first input that cannot be read; `classify_archive` gives such an input a row instead.
     """
-    ready = _settings(settings, changes)
+    ready = with_changes(settings, changes)
     every = discover(as_strings(sources), settings=ready)
     items = [item for item in every if item.kind != "other"]
     if not items:
@@ -128,7 +128,7 @@ def classify_archive(
     request = RunRequest(
         as_strings(sources),
         folder,
-        _settings(settings, changes),
+        with_changes(settings, changes),
         as_strings(examples),
         labels,
         workers,
@@ -168,7 +168,7 @@ def spot_archive(
     request = RunRequest(
         as_strings(sources),
         folder,
-        _settings(settings, changes),
+        with_changes(settings, changes),
         as_strings(examples),
         labels,
         workers,
@@ -180,7 +180,7 @@ def spot_archive(
     return run_archive(request, listener)
 
 
-def _settings(settings: Settings | str | None, changes: dict[str, Any]) -> Settings:
+def with_changes(settings: Settings | str | None, changes: dict[str, Any]) -> Settings:
     ready = settings if isinstance(settings, Settings) else load_settings(settings)
     return ready.with_values((key.replace("__", "."), value) for key, value in changes.items())
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
-from gesture_core.files import printable, unreadable
+from gesture_core.files import made_up, printable, unreadable
 from gesture_core.records import Job
 from gesture_core.run.manifests import read_manifest
 from gesture_core.run.readers import Readers
@@ -196,6 +196,9 @@ class _Walk:
     def _folder(self, folder: Path) -> Iterator[Input | Path]:
         """What is directly in a folder: inputs, and folders to go into."""
         try:
+            if fault := made_up(folder.stat()):
+                yield _broken(folder, "E_READ", *fault)
+                return
             identity = _identity(folder)
             if identity == self._avoid or identity in self._been:
                 self.passed += 1

@@ -16,7 +16,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
-from gesture_core.errors import ConfigError
+from gesture_core.errors import ConfigError, near
 from gesture_core.plugin import registry
 from gesture_core.settings.schema import DEFAULT_PRESET, SECTIONS, Settings
 
@@ -258,12 +258,6 @@ def _chosen(settings: Settings) -> set[str]:
     backend = settings.pose.backend
     backends = registry().names("pose") if backend == "auto" else (backend,)
     return {*backends, *(plugin for _, plugin in settings.plugins())}
-
-
-def near(word: str, known: Sequence[str]) -> str:
-    """A remedy for ``word``: the known names that are spelled alike, or all of them."""
-    alike = difflib.get_close_matches(word, known, 3)
-    return f"did you mean {' or '.join(alike)}?" if alike else f"one of {', '.join(known)}"
 
 
 def _takes(plugin: str, option: str) -> bool:

@@ -300,7 +300,13 @@ def test_the_commands_say_what_is_there(network: Path, capsys: pytest.CaptureFix
         assert run(command) == 0
         out = capsys.readouterr().out
         assert "mine" in out and sha(network)[:12] in out and "hpe0001" in out and "non-commercial" in out
+        listed = {one["name"]: one for one in map(json.loads, out.splitlines())}
+        assert (listed["mine"]["status"], listed["mine"]["sha256"]) == ("added", sha(network))
+        assert "https://" in listed["rtmpose-s"]["place"] and listed["compact"]["status"] == "packaged"
     assert run(["models", "verify"]) == 0
+    assert {"name": "mine", "status": "ok"}.items() <= json.loads(
+        capsys.readouterr().out.splitlines()[0]
+    ).items()
     read_card("mine").path.write_bytes(b"")
     assert run(["models", "verify"]) == 3
     capsys.readouterr()

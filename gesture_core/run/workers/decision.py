@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +21,10 @@ from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import Event, Prediction
 from gesture_core.run.results import DISTANCES, FITTED
 from gesture_core.settings import Settings
-from gesture_core.spot.spotter import Spotter
 from gesture_core.types import PoseSequence, Signals
+
+if TYPE_CHECKING:
+    from gesture_core.spot.spotter import Spotter
 
 
 @contextmanager
@@ -113,6 +116,8 @@ class Decider:
         known = KnownDistances.read(run / DISTANCES, self._compared_by())
         with calling(self._entry, kept="the keypoints", remedy="another --kernel, or report it"):
             if self._spot:
+                from gesture_core.spot.spotter import Spotter  # only where a recording is looked into
+
                 self._spotter = Spotter(
                     self._poses, self._labels, self._settings, names=self._names, alive=alive
                 )

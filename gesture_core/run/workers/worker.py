@@ -20,8 +20,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from gesture_core import errors
-from gesture_core.errors import GestureError, InputError, PluginError
-from gesture_core.plugin.registry import described, watch
+from gesture_core.errors import GestureError, InputError, PluginError, described
+from gesture_core.plugin.registry import watch
 from gesture_core.records import Job, Outcome, Task
 
 if TYPE_CHECKING:
