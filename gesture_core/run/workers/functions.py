@@ -15,7 +15,6 @@ from typing import Any
 from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError
 from gesture_core.plugin.abilities import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
-from gesture_core.run.workers.keypoints import open_reader
 from gesture_core.run.workers.worker import Worker
 
 Answer = bool | tuple[str, str]
@@ -79,7 +78,7 @@ def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
     for path in paths:
         try:
             with calling(registry().find("reader", reader), passing=(OSError,)):
-                answers.append(bool(open_reader(reader, worker.settings).accepts(decoded(path))))
+                answers.append(bool(worker.extractor.reader(reader).accepts(decoded(path))))
         except GestureError as error:
             answers.append((error.code, error.cause))
         except OSError as error:
@@ -92,7 +91,7 @@ def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
 def refusal(worker: Worker, reader: str, path: str) -> str:
     """Why a reader does not take a file; empty where it does not say."""
     with calling(registry().find("reader", reader), passing=(OSError,)):
-        opened = open_reader(reader, worker.settings)
+        opened = worker.extractor.reader(reader)
         return str(opened.refusal(decoded(path))) if isinstance(opened, ExplainsRefusal) else ""
 
 
@@ -100,7 +99,7 @@ def members(worker: Worker, reader: str, path: str) -> list[str]:
     """Names of the sequences in a file or folder, one at least."""
     entry = registry().find("reader", reader)
     with calling(entry):
-        found = list(open_reader(reader, worker.settings).members(decoded(path)))
+        found = list(worker.extractor.reader(reader).members(decoded(path)))
     if not found or not all(isinstance(member, str) for member in found):
         cause = f"{entry} says that its members are {str(found)[:80]}"
         raise PluginError(cause, code="E_PLUGIN_CONTRACT")
