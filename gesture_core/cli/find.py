@@ -18,7 +18,7 @@ def find(
     clip: Path,
     /,
     *sources: Sources,
-    top: Annotated[Whole, Parameter(validator=validators.Number(gte=1, lte=1_000_000))] = 50,
+    top: Annotated[Whole, Parameter(validator=validators.Number(gte=1, lte=10_000))] = 50,
     flags: KernelFlags | None = None,
     workers: Workers = 0,
     quiet: Annotated[bool, UNSAID] = False,

@@ -108,7 +108,7 @@ class Query:
             raise failed[0]
         new = [
             Hit(one.distance, pose.source, pose.person, one.start, one.end)
-            for one in _apart(found, self._settings.spot.overlap)[: self._top]
+            for one in _apart(found, self._settings.spot.overlap, self._top)
         ]
         for hit in new:
             insort(self.hits, hit)
@@ -174,10 +174,12 @@ class _Bounds:
         return least * _KEPT
 
 
-def _apart(candidates: Sequence[Candidate], overlap: float) -> list[Candidate]:
-    """The nearest of those that overlap, nearest first."""
+def _apart(candidates: Sequence[Candidate], overlap: float, most: int) -> list[Candidate]:
+    """The nearest of those that overlap, nearest first, at most so many."""
     kept: list[Candidate] = []
     for one in sorted(candidates, key=lambda one: (one.distance, one.end)):
+        if len(kept) == most:
+            break
         if not any(one.overlaps(other, overlap) for other in kept):
             kept.append(one)
     return kept
