@@ -173,6 +173,37 @@ def spot(worker: Worker, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[
     return answers
 
 
+def open_query(worker: Worker, stored: str, name: str, top: int) -> None:
+    """Take the first person of a stored clip as what is looked for."""
+    from gesture_core.spot.find import Query
+
+    worker.report({"slow": True})
+    worker.query = Query(_people(worker, stored, name)[0], worker.settings, top)
+
+
+def find(worker: Worker, name: str, stored: str) -> dict[str, Any]:
+    """The places in a stored input that are among the nearest of all that this worker has searched.
+
+    A dict of ``hits``, ``notes``, ``frames``, ``warped`` and the ``code`` and ``message`` of an error.
+    """
+    assert worker.query is not None, "open_query comes first"
+    query, before = worker.query, (worker.query.frames, worker.query.warped)
+    found: dict[str, Any] = {"hits": [], "notes": [], "code": "", "message": ""}
+    worker.report({"slow": True})
+    for pose in _people(worker, stored, name):
+        try:
+            hits, note = query.search(pose, worker.alive)
+        except ConfigError:
+            raise
+        except GestureError as error:
+            found |= {"code": error.code, "message": error.message}
+            continue
+        found["hits"] += [asdict(hit) for hit in hits]
+        found["notes"] += [note] if note else []
+    found["frames"], found["warped"] = query.frames - before[0], query.warped - before[1]
+    return found
+
+
 def cut(
     worker: Worker, path: str, sha256: str, clips: Sequence[Mapping[str, Any]], sound: bool
 ) -> list[dict[str, Any]]:
@@ -209,7 +240,7 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
         try_model, extract, accepts, refusal, members, open_classifier, add_example, fit, open_fitted, decide,
-        keep_distances, spot, cut, suffix, write_rows,
+        keep_distances, spot, open_query, find, cut, suffix, write_rows,
     )
 }  # fmt: skip
 """Every function that a task may name; each takes the `Worker` and the task's arguments."""
