@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 _FIRST = ("onnx", "opencv-dnn")
 """Backends that ``auto`` takes before any other."""
 _BUILDS = {
-    "provider": "pose.provider=auto, or another build of onnxruntime: -gpu, -openvino, -directml",
-    "target": "pose.target=auto, or an OpenCV that was built with it",
+    "provider": "--set pose.provider=auto, or another build of onnxruntime: -gpu, -openvino, -directml",
+    "target": "--set pose.target=auto, or an OpenCV that was built with it",
 }
 
 
@@ -79,7 +79,7 @@ def _device(pose: PoseSettings) -> dict[str, Any]:
         if wanted != "auto" and setting not in here:
             raise ConfigError(
                 f"pose.{setting} = {wanted!r}: the backend {pose.backend!r} has no such choice",
-                remedy=" or ".join(f"pose.{own}" for own in here) or "leave it out",
+                remedy=" or ".join(f"--set pose.{own}=…" for own in here) or "leave it out",
                 code="E_OPTION",
             )
         if wanted != "auto" and wanted not in here[setting]:

@@ -224,15 +224,13 @@ class _Walk:
             if entry in folders:
                 yield entry
             else:
-                for item in self._file(entry):
-                    if item.kind != "other":
-                        yield item
-                    elif fault:  # it may have been a folder of keypoint files; nobody can say
+                for item in self._file(entry, say_why=not (reader or fault)):
+                    if item.kind == "other" and fault:  # its folder may have been one of keypoint files
                         yield replace(item, kind="broken", code=fault[0], fault=f"of its folder, {fault[1]}")
-                    elif not reader:  # in a folder of keypoint files it belongs to that folder
+                    elif item.kind != "other" or not reader:  # it belongs to its folder of keypoint files
                         yield item
 
-    def _file(self, path: Path) -> Iterator[Input]:
+    def _file(self, path: Path, *, say_why: bool = True) -> Iterator[Input]:
         name = printable(os.fspath(path))
         if fault := unreadable(path):
             yield _broken(path, "E_READ", *fault)
@@ -247,7 +245,7 @@ class _Walk:
             elif self._may_be_video(path) and begins_as_video(path):
                 yield Input(path, name, "video")
             else:
-                yield Input(path, name, "other", fault=self._readers.why_not(path))
+                yield Input(path, name, "other", fault=self._readers.why_not(path) if say_why else "")
 
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""

@@ -126,7 +126,8 @@ def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:
     if not tree["events"]:
         message = (
             f"{item.name}: none of the examples was recognised in {base.seconds:.1f} s; "
-            "try: more examples, a larger spot.threshold, or gesture render to see what the network sees"
+            "try: more examples, a larger --set spot.threshold=…, or gesture render"
+            " to see what the network sees"
         )
         return [replace(base, status=Code.NO_EVENT.status, code=str(Code.NO_EVENT), message=message)]
     rows = []

@@ -106,7 +106,7 @@ class Watching:
         if self.settings.pose.people != "single":
             raise ConfigError(
                 "gesture watch follows one person",
-                remedy="pose.people=single, or gesture spot on a recording",
+                remedy="--set pose.people=single, or gesture spot on a recording",
                 code="E_OPTION",
             )
         self._resources = ExitStack()
