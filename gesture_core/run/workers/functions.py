@@ -124,10 +124,10 @@ def fit(worker: Worker, run: str, fingerprint: str) -> None:
     worker.decider.fit(decoded(run), fingerprint, worker.alive)
 
 
-def open_fitted(worker: Worker, run: str, fingerprint: str, examples: int) -> bool:
+def open_fitted(worker: Worker, run: str, fingerprint: str, names: Sequence[str]) -> bool:
     """Take what `fit` has left in the run folder; False where that is of other settings or examples."""
     worker.report({"slow": True})
-    return worker.decider.open(decoded(run), fingerprint, examples)
+    return worker.decider.open(decoded(run), fingerprint, names)
 
 
 def keep_distances(worker: Worker, run: str) -> None:
