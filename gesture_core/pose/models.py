@@ -12,6 +12,7 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -143,7 +144,7 @@ class KnownModel:
             )
         if self.member:
             return f"'gesture models get {self.name}'"
-        return f"get it ({self.where}), then 'gesture models add {(self.files or ('FILE',))[0]}'"
+        return f"get it ({self.where}), then 'gesture models add FILE --name {self.name}'"
 
     @property
     def packaged_path(self) -> Path | None:
@@ -271,19 +272,13 @@ def read_model(path: Path, limit: int | None = None) -> bytes:
 _FIRST = ("onnx", "opencv-dnn")
 """Backends that ``auto`` takes before any other."""
 _BUILDS = {
-    "provider": "pose.provider=auto, or another build of onnxruntime: -gpu, -openvino, -directml",
-    "target": "pose.target=auto, or an OpenCV that was built with it",
+    "provider": "--set pose.provider=auto, or another build of onnxruntime: -gpu, -openvino, -directml",
+    "target": "--set pose.target=auto, or an OpenCV that was built with it",
 }
 
 
-def choose_pose(settings: Settings, *, needed: bool = True) -> Settings:
+def choose_pose(settings: Settings) -> Settings:
     """The settings with what ``auto`` in [pose] stands for on this machine.
-
-    Parameters
-    ----------
-    settings : Settings
-    needed : bool
-        False where no input is a video: what cannot be found then stays as it is.
 
     Raises
     ------
@@ -298,16 +293,11 @@ def choose_pose(settings: Settings, *, needed: bool = True) -> Settings:
     names: Sequence[str] = (settings.pose.model,)
     if settings.pose.model == "auto":
         names = [name for name in auto_models() if is_here(name)] or auto_models()[-1:]
-    for name in names:
-        try:
+    *others, last = names
+    for name in others:
+        with suppress(ConfigError, PluginError):  # what the settings name cannot run this one
             return replace(settings, pose=_resolved(settings, name))
-        except (ConfigError, PluginError):  # what the settings name cannot run this one
-            if needed and name == names[-1]:
-                raise
-        except ModelError:
-            if needed:
-                raise
-    return settings
+    return replace(settings, pose=_resolved(settings, last))
 
 
 def _resolved(settings: Settings, name: str) -> PoseSettings:
@@ -324,7 +314,7 @@ def _resolved(settings: Settings, name: str) -> PoseSettings:
         if wanted != "auto" and setting not in here:
             raise ConfigError(
                 f"pose.{setting} = {wanted!r}: the backend {backend!r} has no such choice",
-                remedy=" or ".join(f"pose.{own}" for own in here) or "leave it out",
+                remedy=" or ".join(f"--set pose.{own}=…" for own in here) or "leave it out",
                 code="E_OPTION",
             )
         if wanted != "auto" and wanted not in here[setting]:
