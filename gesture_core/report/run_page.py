@@ -12,7 +12,7 @@ from typing import Any
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import replacing
 from gesture_core.report.run_rows import PageRows, read_rows
-from gesture_core.run.pipeline import Listener
+from gesture_core.run.extract import Listener
 
 INDEX, DATA, CLIPS, DETAILS = "index.html", "data.js", "clips", "details"
 CHUNK = 40

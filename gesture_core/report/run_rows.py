@@ -17,10 +17,9 @@ from gesture_core.errors import GestureError
 from gesture_core.files import printable
 from gesture_core.report.alignments import alignment_record
 from gesture_core.report.row_previews import Preview, RowPreviews
-from gesture_core.run.evaluate import people_of
+from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.inputs import Input, discover
 from gesture_core.run.labels import label_inputs
-from gesture_core.run.pipeline import Listener
 from gesture_core.run.results import open_results
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.run.workers.keypoints import Extracted
