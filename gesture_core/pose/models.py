@@ -307,6 +307,13 @@ def _resolved(settings: Settings, name: str) -> PoseSettings:
     reads = registry().find("pose", backend).suffixes
     if pose.model == "auto" and reads and model.path.suffix.lower() not in reads:
         raise ConfigError(f"{backend!r} does not read {model.path.suffix}", code="E_OPTION")
+    for other, options in settings.options.items():
+        if options and other != backend and ("pose", other) in registry().entries:
+            raise ConfigError(
+                f"{other}.{next(iter(options))} is set, and {backend!r} runs {name}",
+                remedy=f"--set pose.backend={other}, or leave it out",
+                code="E_OPTION",
+            )
     kind = registry().load("pose", backend)
     here: Mapping[str, Sequence[str]] = kind.devices() if issubclass(kind, DeviceChoice) else {}
     for setting, remedy in _BUILDS.items():

@@ -100,3 +100,13 @@ def test_what_is_asked_for_and_not_there_is_an_error(
         choose_pose(settings(**changes))
     assert caught.value.code == code
     assert pose_identity(settings(**changes), []) == {"readers": {}}, "keypoint files need none of it"
+
+
+def test_options_of_a_backend_that_is_not_taken_are_an_error(models: Path) -> None:
+    asked = settings().with_values([("onnx.batch_size", "4")], "--set")
+    assert choose_pose(asked).pose.backend == "onnx"
+    put(models, "blazepose", ".tflite")
+    assert choose_pose(asked).pose.model == "compact", "auto takes a network that what is named can run"
+    with pytest.raises(GestureError, match=r"onnx\.batch_size is set.*pose\.backend=onnx") as caught:
+        choose_pose(asked.with_values([("pose.model", "blazepose")], "--set"))
+    assert caught.value.code == "E_OPTION"

@@ -16,6 +16,7 @@ from clips import SIZE, picture, write_clip
 from gesture_core.errors import MediaError
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReport
 from gesture_core.video import open_video
+from gesture_core.video.integrity.matroska import track_types
 
 av = pytest.importorskip("av", reason="clips are made with PyAV")
 if TYPE_CHECKING:
@@ -267,6 +268,19 @@ def test_cover_art_is_no_video_and_does_not_hide_one(tmp_path: Path) -> None:
     with pytest.raises(MediaError) as caught:
         read(write_tracks(tmp_path / "c.mp4", [cover]))
     assert caught.value.code == "E_MEDIA_NO_VIDEO"
+
+
+def test_what_looks_like_a_track_among_the_data_is_none(tmp_path: Path) -> None:
+    path = write_tracks(tmp_path / "v.mkv", [CLIP, Track(size=(32, 32))])
+    with path.open("rb") as file:
+        assert track_types(file) == [1, 1]
+    path = write_tracks(tmp_path / "v.mkv", [CLIP])
+    path.write_bytes(path.read_bytes() + b"\x86\x85V_VP8\xae\x83\x83\x81\x01" * 3)
+    assert not any("video streams" in note for note in read(path, "opencv").notes)
+    for cut in range(0, path.stat().st_size, 97):
+        (tmp_path / "cut.mkv").write_bytes(path.read_bytes()[:cut])
+        with (tmp_path / "cut.mkv").open("rb") as file:
+            assert len(track_types(file)) <= 1
 
 
 @pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi"])
