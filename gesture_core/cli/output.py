@@ -250,6 +250,14 @@ def say_notes(notes: Mapping[str, int]) -> None:
         say(f"… and {counted(len(ordered) - _NOTES_SHOWN, 'more note')} in the column 'note'")
 
 
+def mirroring_hint(sided: Sequence[str]) -> str:
+    """That labels for the left and the right may be one gesture; ``sided`` from `examples.sided_labels`."""
+    return (
+        f"{', '.join(map(repr, sided))} and the like on the right may be one gesture with either "
+        "hand, and classify.mirror then takes one for the other: --set classify.mirror=none"
+    )
+
+
 def check_file(
     path: Path, suffixes: Sequence[str] = (), *, flag: str = "--out", replace: bool = True
 ) -> None:

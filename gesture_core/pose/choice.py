@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from gesture_core.errors import ConfigError, GestureError, PluginError
+from gesture_core.errors import ConfigError, PluginError
 from gesture_core.plugin.abilities import DeviceChoice
 from gesture_core.plugin.registry import registry
 from gesture_core.pose.models import ModelFile, auto_models, find_model, is_here, known_models
@@ -23,14 +23,8 @@ _BUILDS = {
 }
 
 
-def choose_pose(settings: Settings, *, needed: bool = True) -> Settings:
+def choose_pose(settings: Settings) -> Settings:
     """The settings with what ``auto`` in [pose] stands for on this machine.
-
-    Parameters
-    ----------
-    settings : Settings
-    needed : bool
-        False where no input is a video: what cannot be found then stays as it is.
 
     Raises
     ------
@@ -45,14 +39,9 @@ def choose_pose(settings: Settings, *, needed: bool = True) -> Settings:
     names: Sequence[str] = (pose.model,)
     if pose.model == "auto":
         names = [name for name in auto_models() if is_here(name) and _fits(name, pose)] or auto_models()[-1:]
-    try:
-        backend = backend_name(find_model(names[0])) if pose.backend == "auto" else pose.backend
-        pose = replace(pose, model=names[0], backend=backend)
-        return replace(settings, pose=replace(pose, **_device(pose)))
-    except GestureError:
-        if needed:
-            raise
-        return settings
+    backend = backend_name(find_model(names[0])) if pose.backend == "auto" else pose.backend
+    pose = replace(pose, model=names[0], backend=backend)
+    return replace(settings, pose=replace(pose, **_device(pose)))
 
 
 def _fits(name: str, pose: PoseSettings) -> bool:

@@ -12,19 +12,17 @@ from typing import Any
 
 from gesture_core.cores import usable_cores
 from gesture_core.errors import GestureError, InputError, WorkerError
+from gesture_core.records import Job, Task
 from gesture_core.run.archive import Sources, as_strings, with_changes
-from gesture_core.run.evaluate import people_of
-from gesture_core.run.extract import extract_all
+from gesture_core.run.extract import Listener, extract_all, people_of
 from gesture_core.run.found_again import find_inputs
 from gesture_core.run.inputs import Input, discover
-from gesture_core.run.pipeline import Listener
 from gesture_core.run.results import DATABASE, open_results
 from gesture_core.run.store import keypoint_store
 from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.run.workers.processes import ProcessEngine
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.spot.find import Hit
-from gesture_core.types import Job, Task
 
 _BATCH = 64
 """Inputs that are searched while others wait."""
@@ -125,12 +123,10 @@ def find(
     if not readable:
         raise InputError("holds no recording", subject=", ".join(sources), code="E_EMPTY")
     query = _query(clip, ready, listener)
-    listener.planned(len(readable), len(readable), 0, "")
     found = Findings(failed=failed)
     with _Search(query, ready, top, workers or usable_cores()) as search:
         waiting: list[tuple[Input, Extracted]] = []
-        for item, extracted in extract_all(readable, ready, workers=workers, on_frames=listener.frames):
-            listener.extracted(item.name, extracted.cached)
+        for item, extracted in extract_all(readable, ready, workers=workers, listener=listener):
             if extracted.code:
                 failed[item.name] = extracted.code, extracted.message
             elif extracted.people:

@@ -24,7 +24,10 @@ from gesture_core.pose.downloads import downloaded
 from gesture_core.pose.model_store import add_model, verify_models
 from gesture_core.pose.models import added_names, find_model, known_models, read_card
 from gesture_core.run.fingerprint import pose_identity, pose_keys
+from gesture_core.run.inputs import Input
 from gesture_core.settings import load_settings
+
+VIDEO = Input(Path("clip.mp4"), "clip.mp4", "video")
 
 
 @pytest.fixture(autouse=True)
@@ -171,7 +174,7 @@ def test_keypoints_of_another_contract_are_not_used_again(network: Path) -> None
     keys = set()
     for score in (0.1, 0.4):
         add_model(network, "mine", contract={"score": score}, replace=True)
-        keys.add(pose_keys(pose_identity(settings, with_model=True))["video"])
+        keys.add(pose_keys(pose_identity(settings, [VIDEO]))["video"])
     assert len(keys) == 2
 
 

@@ -252,10 +252,11 @@ class KeypointExtractor:
             )
         seconds = max((float(s.times[-1] - s.times[0]) for s in sequences if len(s)), default=0.0)
         lost = sorted({s.provenance["lost"] for s in sequences if "lost" in s.provenance})
+        unread = max((int(s.provenance.get("lost_frames", 0)) for s in sequences), default=0)
         facts: dict[str, Any] = {
             "frames_declared": None,
-            "frames_read": frames,
-            "frames_looked_at": frames,
+            "frames_read": frames - unread,
+            "frames_looked_at": frames - unread,
             "complete": not lost,
             "notes": list(dict.fromkeys([*lost, *(note for one in sequences for note in _notes(one)), *odd])),
             "seconds": seconds,
