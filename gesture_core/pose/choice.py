@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import ConfigError, PluginError
 from gesture_core.plugin.abilities import DeviceChoice
-from gesture_core.plugin.registry import registry
+from gesture_core.plugin.registry import calling, registry
 from gesture_core.pose.models import ModelFile, auto_models, find_model, is_here, known_models
 
 if TYPE_CHECKING:
@@ -33,15 +33,19 @@ def choose_pose(settings: Settings) -> Settings:
     PluginError
         ``E_PLUGIN_UNKNOWN`` where no backend that is installed reads such a file.
     ConfigError
-        ``E_PROVIDER`` where the backend cannot run on what the settings ask for.
+        ``E_PROVIDER`` where the backend cannot run on what the settings ask for, ``E_OPTION`` where they have
+        options of another one only.
     """
     pose = settings.pose
     names: Sequence[str] = (pose.model,)
     if pose.model == "auto":
         names = [name for name in auto_models() if is_here(name) and _fits(name, pose)] or auto_models()[-1:]
     backend = backend_name(find_model(names[0])) if pose.backend == "auto" else pose.backend
+    if pose.backend == "auto":
+        _refuse_lost_options(settings, names[0], backend)
     pose = replace(pose, model=names[0], backend=backend)
-    return replace(settings, pose=replace(pose, **_device(pose)))
+    asked = str(settings.plugin_options(backend).get("device", "auto"))
+    return replace(settings, pose=replace(pose, **_device(pose, asked)))
 
 
 def _fits(name: str, pose: PoseSettings) -> bool:
@@ -57,14 +61,32 @@ def _fits(name: str, pose: PoseSettings) -> bool:
 
 def _devices(backend: str) -> Mapping[str, Sequence[str]]:
     kind = registry().load("pose", backend)
-    return kind.devices() if issubclass(kind, DeviceChoice) else {}
+    with calling(registry().find("pose", backend)):
+        if not (isinstance(kind, type) and issubclass(kind, DeviceChoice)):
+            return {}
+        return {str(setting): [*map(str, names)] for setting, names in kind.devices().items()}
 
 
-def _device(pose: PoseSettings) -> dict[str, Any]:
-    """The setting that says what the backend runs on."""
+def _refuse_lost_options(settings: Settings, model: str, backend: str) -> None:
+    """Raise where the settings have options of other backends, and none of the one that ``auto`` takes."""
+    backends = {plugin for kind, plugin in registry().entries if kind == "pose"}
+    backends -= {plugin for kind, plugin in registry().entries if kind != "pose"}
+    given = sorted(backends & {name for name, options in settings.options.items() if options})
+    if given and backend not in given:
+        raise ConfigError(
+            f"options of {given[0]!r}, and {model} is run by {backend!r}",
+            remedy=f"--pose {given[0]}, or options of {backend!r} in their place",
+            code="E_OPTION",
+        )
+
+
+def _device(pose: PoseSettings, asked: str) -> dict[str, Any]:
+    """The setting that says what the backend runs on; its own option ``device`` (``asked``) goes first."""
     here = _devices(pose.backend)
     for setting in ("provider", "target"):
-        wanted = vars(pose)[setting]
+        wanted, key = vars(pose)[setting], f"pose.{setting}"
+        if asked != "auto" and setting in here:
+            wanted, key = asked, f"{pose.backend}.device"
         if wanted != "auto" and setting not in here:
             raise ConfigError(
                 f"pose.{setting} = {wanted!r}: the backend {pose.backend!r} has no such choice",
@@ -73,11 +95,12 @@ def _device(pose: PoseSettings) -> dict[str, Any]:
             )
         if wanted != "auto" and wanted not in here[setting]:
             raise ConfigError(
-                f"pose.{setting} = {wanted!r}: {pose.backend!r} here has only {', '.join(here[setting])}",
+                f"{key} = {wanted!r}: {pose.backend!r} here has only {', '.join(here[setting])}",
                 remedy=_BUILDS[setting],
                 code="E_PROVIDER",
             )
-    return {own: devices[0] for own, devices in here.items() if vars(pose)[own] == "auto"}
+    wanted = {own: vars(pose)[own] if asked == "auto" else asked for own in here}
+    return {own: next(iter(here[own]), "auto") if name == "auto" else name for own, name in wanted.items()}
 
 
 def backend_name(model: ModelFile) -> str:
