@@ -20,15 +20,13 @@ from urllib.parse import urlsplit
 
 from gesture_core.errors import ModelError
 from gesture_core.files import switched_on
-from gesture_core.pose.model_store import add_model, check_hash
+from gesture_core.pose.model_store import add_model, added_names, check_hash, read_card
 from gesture_core.pose.models import (
     MAX_BYTES,
     SUFFIXES,
     KnownModel,
     ModelFile,
-    added_names,
     known_models,
-    read_card,
 )
 
 OnBytes = Callable[[int], None]

@@ -19,7 +19,7 @@ from typing import Any
 from gesture_core.classify.examples import sided_labels
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
 from gesture_core.files import switched_on
-from gesture_core.pose.choice import described
+from gesture_core.pose.models import described
 from gesture_core.records import Job, Row
 from gesture_core.run.extract import Listener, OpenEngine
 from gesture_core.run.inputs import Input

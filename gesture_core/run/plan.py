@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import content_sha256, stamp, switched_on
 from gesture_core.plugin import registry
-from gesture_core.pose.choice import choose_pose
+from gesture_core.pose.models import choose_pose
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import (
     differences,

@@ -10,8 +10,7 @@ import pytest
 
 from gesture_core.errors import ConfigError, GestureError, PluginError
 from gesture_core.plugin import registry
-from gesture_core.pose.choice import choose_pose, described
-from gesture_core.pose.models import CARD, auto_models, known_models
+from gesture_core.pose.models import CARD, auto_models, choose_pose, described, known_models
 from gesture_core.run.fingerprint import pose_identity
 from gesture_core.run.inputs import Input
 from gesture_core.settings import Settings, load_settings

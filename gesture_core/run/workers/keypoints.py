@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import KeypointReader, PoseBackend, Video
-    from gesture_core.video.frames import Picture
+    from gesture_core.video.reader import Picture
 
 _REPORT_SECONDS = 0.5
 _OFTEN = 1 / 3
@@ -234,9 +234,10 @@ class KeypointExtractor:
             reader = self.reader(name)
             with calling(registry().find("reader", name), passing=(OSError,)):
                 sequences = [_checked(sequence) for sequence in reader.read(path, member)]
-            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
+        if name != "store":
+            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.people == "single" and len(sequences) > 1:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
             sequences = [replace(best, person=0)]
