@@ -99,6 +99,7 @@ def explain(
         configuration = json.loads(results.get("configuration") or "{}")
         left_out = {failed.input for failed in results.rows("example")}
         place = results.place_of(row.input)
+        fingerprint = results.get("fingerprint") or ""  # of all its rows: other settings were refused
     if not configuration.get("examples"):
         raise RunFolderError(
             "holds keypoints only, nothing was classified",
@@ -112,7 +113,7 @@ def explain(
     hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
     if row.event:
         return _explain_event(row, rows, examples, hashes, place, configuration, listener)
-    recognizer = open_fitted(Path(run), row.fingerprint)
+    recognizer = open_fitted(Path(run), fingerprint)
     settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])
     places = {name: known["path"] for name, known in examples.items() if "path" in known}
     wanted = {row.input: row.sha256} if recognizer else hashes
