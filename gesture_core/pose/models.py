@@ -11,7 +11,7 @@ import hashlib
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.errors import ConfigError, ModelError, PluginError
 from gesture_core.files import models_dir, open_regular
 from gesture_core.plugin.abilities import DeviceChoice
-from gesture_core.plugin.registry import registry
+from gesture_core.plugin.registry import calling, registry
 from gesture_core.pose.contract import ModelContract
 
 if TYPE_CHECKING:
@@ -288,7 +288,8 @@ def choose_pose(settings: Settings) -> Settings:
         ``E_PLUGIN_UNKNOWN`` where no backend that is installed reads such a file.
     ConfigError
         ``E_PROVIDER`` where the backend cannot run on what the settings ask for, ``E_OPTION`` where it cannot
-        be asked for it, or where the settings have options of another backend.
+        be asked for it, or where the settings have options of another
+        backend alone.
     """
     names: Sequence[str] = (settings.pose.model,)
     if settings.pose.model == "auto":
@@ -307,17 +308,20 @@ def _resolved(settings: Settings, name: str) -> PoseSettings:
     reads = registry().find("pose", backend).suffixes
     if pose.model == "auto" and reads and model.path.suffix.lower() not in reads:
         raise ConfigError(f"{backend!r} does not read {model.path.suffix}", code="E_OPTION")
-    for other, options in settings.options.items():
-        if options and other != backend and ("pose", other) in registry().entries:
-            raise ConfigError(
-                f"{other}.{next(iter(options))} is set, and {backend!r} runs {name}",
-                remedy=f"--set pose.backend={other}, or leave it out",
-                code="E_OPTION",
-            )
-    kind = registry().load("pose", backend)
-    here: Mapping[str, Sequence[str]] = kind.devices() if issubclass(kind, DeviceChoice) else {}
+    backends = {plugin for kind, plugin in registry().entries if kind == "pose"}
+    lost = sorted(one for one, options in settings.options.items() if options and one in backends)
+    if pose.backend == "auto" and lost and backend not in lost:
+        raise ConfigError(
+            f"options of {lost[0]!r}, and {name} is run by {backend!r}",
+            remedy=f"--pose {lost[0]}, or options of {backend!r} in their place",
+            code="E_OPTION",
+        )
+    here = _devices(backend)
+    own = str(settings.plugin_options(backend).get("device", "auto"))
     for setting, remedy in _BUILDS.items():
-        wanted = vars(pose)[setting]
+        wanted, key = vars(pose)[setting], f"pose.{setting}"
+        if own != "auto" and setting in here:  # the backend's own option goes first
+            wanted, key = own, f"{backend}.device"
         if wanted != "auto" and setting not in here:
             raise ConfigError(
                 f"pose.{setting} = {wanted!r}: the backend {backend!r} has no such choice",
@@ -326,12 +330,25 @@ def _resolved(settings: Settings, name: str) -> PoseSettings:
             )
         if wanted != "auto" and wanted not in here[setting]:
             raise ConfigError(
-                f"pose.{setting} = {wanted!r}: {backend!r} here has only {', '.join(here[setting])}",
+                f"{key} = {wanted!r}: {backend!r} here has only {', '.join(here[setting])}",
                 remedy=remedy,
                 code="E_PROVIDER",
             )
-    devices: dict[str, Any] = {own: found[0] for own, found in here.items() if vars(pose)[own] == "auto"}
+    asked = {setting: vars(pose)[setting] if own == "auto" else own for setting in here}
+    devices: dict[str, Any] = {
+        setting: next(iter(here[setting]), "auto") if wanted == "auto" else wanted
+        for setting, wanted in asked.items()
+    }
     return replace(pose, model=name, backend=backend, **devices)
+
+
+def _devices(backend: str) -> dict[str, list[str]]:
+    """What a backend says that it can run on here, by the setting that chooses."""
+    kind = registry().load("pose", backend)
+    with calling(registry().find("pose", backend)):
+        if not (isinstance(kind, type) and issubclass(kind, DeviceChoice)):
+            return {}
+        return {str(setting): [*map(str, names)] for setting, names in kind.devices().items()}
 
 
 def backend_name(model: ModelFile) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
-from gesture_core.files import content_sha256, stamp, tree_sha256, without_cache
+from gesture_core.files import content_sha256, stamp, switched_on, tree_sha256
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import Job, VideoLimits
 from gesture_core.run.store import mark_used, read_keypoints, write_keypoints
@@ -164,7 +164,7 @@ class KeypointExtractor:
 
     def _from_store(self, name: str, found: Extracted) -> Extracted | None:
         path = Path(self._job.store) / name
-        if without_cache() or not path.is_file():
+        if switched_on("GESTURE_NO_CACHE") or not path.is_file():
             return None
         try:
             stored = read_keypoints(path)
