@@ -66,7 +66,7 @@ def render(
     looked_at, found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
     limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-    with open_video(video, settings.pose.reader, limits, settings.options, settings.video.fps) as frames:
+    with open_video(video, settings.pose.reader, limits, settings.options, settings.video) as frames:
         tags = [f"{person.person} {labels.get(person.person, '')}".strip() for person in found]
         drawn = overlay(frames, found, tags if labels or len(found) > 1 else ())
         if target.suffix.lower() == ".mp4":
