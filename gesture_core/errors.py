@@ -131,7 +131,7 @@ class Code(StrEnum):
     NO_COMMON = "E_NO_COMMON", "no channel in common with any example", "other examples", 1, "rejected"
     REJECTED = "E_REJECTED", "no example is near enough", "a larger --reject", 1, "rejected"
     NO_EVENT = "E_NO_EVENT", "no example was found in a recording", "more examples", 1, "rejected"
-    UNSURE = "E_UNSURE", "two gestures are about as likely", "a lower classify.margin", 1, "rejected"
+    UNSURE = "E_UNSURE", "two gestures are about as likely", "a lower margin or confidence", 1, "rejected"
     NOT_AN_INPUT = "E_NOT_AN_INPUT", "neither a video nor a keypoint file", "leave it out", 1, "skipped"
 
     # Pose networks.

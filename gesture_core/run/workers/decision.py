@@ -13,7 +13,6 @@ from gesture_core import __version__
 from gesture_core.classify.comparison import check_settings
 from gesture_core.classify.known import KnownDistances
 from gesture_core.classify.recognizer import Recognizer, signals_of
-from gesture_core.classify.saved import load_recognizer, save_recognizer
 from gesture_core.errors import ConfigError, GestureError, InputError, PoseError, RunFolderError
 from gesture_core.files import tree_sha256
 from gesture_core.plugin.registry import calling, registry
@@ -122,7 +121,7 @@ class Decider:
         self._known = known
         facts = {"fingerprint": fingerprint, "examples": len(self._signals)}
         with _writing(run):
-            save_recognizer(self._recognizer, run / FITTED, facts)
+            self._recognizer.save(run / FITTED, facts)
         self.keep(run)
 
     def open(self, run: Path, fingerprint: str, examples: int) -> bool:
@@ -183,7 +182,7 @@ def open_fitted(
     copy of what can be fitted again.
     """
     try:
-        recognizer, facts = load_recognizer(run / FITTED, known)
+        recognizer, facts = Recognizer.load(run / FITTED, known)
     except InputError:
         return None
     count = facts.get("examples") if examples is None else examples
