@@ -29,7 +29,8 @@ from rich.console import Console
 from gesture_core.cli.main import app
 from gesture_core.errors import Code, Status
 from gesture_core.plugin import hooks, registry
-from gesture_core.plugin.interfaces import INTERFACES, KINDS
+from gesture_core.plugin.hooks import KINDS
+from gesture_core.plugin.interfaces import INTERFACES
 from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings, presets
 from gesture_core.testing import checks_for
 
@@ -45,6 +46,11 @@ EXIT_CODES = {
     "143": "the same by SIGTERM",
     "141": "nobody reads the output",
 }
+EXCHANGED = {
+    "gesture_core.records": ("VideoLimits", "VideoInfo", "VideoReport", "Job", "Task", "Outcome"),
+    "gesture_core.types": ("Person",),
+}
+"""What plugins take and give besides what every user of Python meets, by its module."""
 log = logging.getLogger("mkdocs.docs.generate")
 
 
@@ -212,7 +218,12 @@ def interfaces_page() -> Iterator[str]:
     yield "    options: {heading_level: 3, members: [__call__], filters: []}\n"
     yield "## Interfaces\n\n::: gesture_core.plugin.interfaces"
     yield "    options: {show_root_heading: false, show_root_toc_entry: false, heading_level: 3,"
-    yield '              filters: ["!^_", "!^KINDS$", "!^Kind$", "!^INTERFACES$"]}\n'
+    yield '              filters: ["!^_", "!^INTERFACES$"]}\n'
+    yield "## Abilities\n\n::: gesture_core.plugin.abilities"
+    yield "    options: {show_root_heading: false, show_root_toc_entry: false, heading_level: 3}\n"
+    yield "## What they exchange\n"
+    for home, names in EXCHANGED.items():
+        yield from (f"::: {home}.{name}\n    options: {{heading_level: 3}}\n" for name in names)
     yield "## Conformance suites\n\n::: gesture_core.testing"
     yield "    options: {show_root_heading: false, show_root_toc_entry: false, members: false}\n"
     for name, kind in KINDS.items():

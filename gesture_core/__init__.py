@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from gesture_core.run.archive import classify_archive as classify_archive
     from gesture_core.run.archive import load_poses as load_poses
     from gesture_core.run.archive import spot_archive as spot_archive
+    from gesture_core.run.cut import Clip as Clip
+    from gesture_core.run.cut import cut_events as cut_events
     from gesture_core.run.evaluate import evaluate_archive as evaluate_archive
     from gesture_core.run.explain import explain as explain
     from gesture_core.run.pipeline import RunSummary as RunSummary
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _PUBLIC = {
+    "Clip": "run.cut",
     "Code": "errors",
     "DtwSpec": "dtw.spec",
     "Event": "types",
@@ -51,6 +54,7 @@ _PUBLIC = {
     "Signals": "types",
     "Spotter": "spot.spotter",
     "classify_archive": "run.archive",
+    "cut_events": "run.cut",
     "evaluate_archive": "run.evaluate",
     "evaluate_events": "run.annotations",
     "explain": "run.explain",

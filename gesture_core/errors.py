@@ -99,7 +99,7 @@ class Code(StrEnum):
     MEDIA_NO_FRAMES = "E_MEDIA_NO_FRAMES", "not one frame of a video can be decoded", "copy or re-encode it"
     MEDIA_LIMIT = "E_MEDIA_LIMIT", "a video exceeds a limit", "a larger limit"
     MEDIA_MEMORY = "E_MEDIA_MEMORY", "not enough memory to decode a video", "a smaller video"
-    MEDIA_WRITE = "E_MEDIA_WRITE", "a video or picture cannot be written", "an output that ends in .png"
+    MEDIA_WRITE = "E_MEDIA_WRITE", "a video or picture cannot be written", "another --out"
     MEDIA_PARTIAL = "E_MEDIA_PARTIAL", "frames of a video are lost", "repair the file", 1, "degraded"
 
     # Keypoint files.

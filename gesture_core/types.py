@@ -1,17 +1,21 @@
-"""The data that travels from stage to stage: frozen, validated on construction, NumPy throughout."""
+"""The arrays that travel from stage to stage: frozen, validated on construction. Plain values: `records`."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from gesture_core.errors import GestureError, InputError, KeypointError, SignalError
+from gesture_core.errors import InputError, KeypointError, SignalError
 from gesture_core.errors import Status as Status
-from gesture_core.files import printable
+from gesture_core.records import COLUMNS as COLUMNS
+from gesture_core.records import Event as Event
+from gesture_core.records import Job as Job
+from gesture_core.records import Outcome as Outcome
+from gesture_core.records import Prediction as Prediction
+from gesture_core.records import Row as Row
+from gesture_core.records import Task as Task
 from gesture_core.skeletons import COCO18, skeleton, to_coco18
 
 
@@ -38,6 +42,37 @@ def _frozen(array: np.ndarray, dtype: type) -> np.ndarray:
 def _ascending(times: np.ndarray) -> bool:
     """Whether ``times`` are finite and never decrease."""
     return bool(np.isfinite(times).all() and (np.diff(times) >= 0).all())
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """One person in one picture, as a pose backend found them.
+
+    Attributes
+    ----------
+    keypoints : (J, 2) float array
+        Pixels of the frame that was passed in; NaN where missing.
+    scores : (J,) float array
+        Confidence in 0..1.
+    peaks : (J, K, 3) float32 array, optional
+        x, y and score of all places where each joint may be, the highest first; NaN, NaN, 0 beyond the
+        last. The first need not be a keypoint: it may be too low to count by itself. With them the choice
+        over time (`gesture_core.pose.temporal`) may take another place than the best of one frame.
+    presence : float
+        Probability in 0..1 that this is a person at all.
+    region : (2, 2) float array, optional
+        Of a network that sees regions (`RegionFollowing`): the middle of the body, and the point above the
+        head of the circle around it that all of the body can reach.
+    others : int
+        How many more people the network saw in the picture, where only this one was asked for.
+    """
+
+    keypoints: np.ndarray
+    scores: np.ndarray
+    peaks: np.ndarray | None = None
+    presence: float = 1.0
+    region: np.ndarray | None = None
+    others: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,241 +391,3 @@ class Neighbors:
 
     distances: np.ndarray
     indices: np.ndarray
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What was decided about one person in one input.
-
-    Attributes
-    ----------
-    label : str or None
-        None unless the status carries a label.
-    status : str
-        `ok`, `degraded`, `rejected`, `skipped` or `error`.
-    distance : float or None
-        Warping distance to the nearest example of the winning class.
-    margin : float or None
-        Distance to the nearest example of any other class minus `distance`, as the vote's winner
-        sees it; the lead of the winner's score, 0 to about 1, where all examples decide
-        (``classify.neighbors = 0``). None with only one class.
-    neighbors : tuple of (example, label, distance)
-        The k nearest examples, nearest first; where all examples decide, the nearest one of each of
-        the three best classes, best class first.
-    selected : tuple of str
-        Salient channels of the query.
-    code, message : str
-        Empty when there is nothing to say.
-    note : str
-        What was done with the input and is worth knowing; mostly empty.
-    """
-
-    label: str | None
-    status: Status
-    distance: float | None = None
-    margin: float | None = None
-    neighbors: tuple[tuple[str, str, float], ...] = ()
-    selected: tuple[str, ...] = ()
-    code: str = ""
-    message: str = ""
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Event:
-    """One gesture in a long recording or a stream.
-
-    Attributes
-    ----------
-    input : str
-        The recording, as the user named it.
-    person : int
-        Track number; 0 for the first or only one.
-    start, end : float
-        Seconds in the recording's own time.
-    label : str
-    score : float
-        0 to 1: how far the distance is below the threshold of its class, as a share of it.
-    distance : float
-        Of the event to the example: mean squared difference over the geometric mean of both variances.
-    example : str
-        The nearest one.
-    """
-
-    input: str
-    person: int
-    start: float
-    end: float
-    label: str
-    score: float
-    distance: float
-    example: str
-
-
-_LONGEST = 10_000
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of the result.
-
-    Attributes
-    ----------
-    input : str
-        The path as the user named it, ``path::member`` for a sequence inside a file.
-    sha256 : str
-        Of the content; empty where it could not be read.
-    person : int
-        Track number; 0 for the first or only one.
-    label : str or None
-        The gesture; only rows with the status ``ok`` or ``degraded`` have one.
-    distance : float or None
-    margin : float or None
-    neighbors : tuple of (example, label, distance)
-        As in `Prediction`.
-    status : str
-        ``ok``, ``degraded``, ``rejected``, ``skipped`` or ``error``.
-    code, message : str
-        Why, where the status is not ``ok``.
-    note : str
-        What the input does not say and was assumed, or what was done with it that its file name does not
-        tell: clauses, joined by semicolons; empty where there was nothing.
-    start, end : float or None
-        Seconds of the first and the last frame in which the person was found; of an event, of the event.
-    box : tuple of four floats, or empty
-        Left, top, right and bottom of where the person was in all that time, in pixels of the upright picture
-        (or in the unit of the keypoint file).
-    frames_declared : int or None
-        What the container claims.
-    frames_read : int
-        All that were decoded.
-    frames_looked_at : int
-        Those of them in which people were looked for (``pose.rate``).
-    frames_with_pose : int
-        Those of them in which this person was found.
-    seconds : float
-        Length of what was read.
-    selected : tuple of str
-        Salient channels.
-    attempts : int
-    plugin : str
-        What found the keypoints: distribution and version.
-    fingerprint : str
-        Of everything that produced the row.
-    event : int
-        Number of the event in a long recording, from 1; 0 where a row is about the whole input.
-    score : float or None
-        That of an `Event`, where the row is about one.
-    """
-
-    input: str
-    sha256: str = ""
-    person: int = 0
-    label: str | None = None
-    distance: float | None = None
-    margin: float | None = None
-    neighbors: tuple[tuple[str, str, float], ...] = ()
-    status: Status = "error"
-    code: str = ""
-    message: str = ""
-    note: str = ""
-    start: float | None = None
-    end: float | None = None
-    box: tuple[float, ...] = ()
-    frames_declared: int | None = None
-    frames_read: int = 0
-    frames_looked_at: int = 0
-    frames_with_pose: int = 0
-    seconds: float = 0.0
-    selected: tuple[str, ...] = ()
-    attempts: int = 1
-    plugin: str = ""
-    fingerprint: str = ""
-    event: int = 0
-    score: float | None = None
-
-    def as_record(self) -> dict[str, Any]:
-        """The row as scalars: ``neighbors`` as JSON, ``selected`` joined by spaces, all text valid UTF-8."""
-        record = asdict(self)
-        record["neighbors"] = json.dumps(self.neighbors, ensure_ascii=False)
-        record["selected"] = " ".join(self.selected)
-        record["box"] = " ".join(f"{edge:g}" for edge in self.box)
-        if len(self.message) > _LONGEST:  # a plugin's error may be of any length
-            record["message"] = f"{self.message[:_LONGEST]}…"
-        return {name: printable(value) if isinstance(value, str) else value for name, value in record.items()}
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Row:
-        """The inverse of `as_record`."""
-        values = {name: record[name] for name in COLUMNS}
-        values["neighbors"] = tuple((e, label, d) for e, label, d in json.loads(record["neighbors"]))
-        values["selected"] = tuple(record["selected"].split())
-        values["box"] = tuple(map(float, record["box"].split()))
-        return cls(**values)
-
-
-COLUMNS: tuple[str, ...] = tuple(f.name for f in fields(Row))
-
-
-@dataclass(frozen=True)
-class Job:
-    """What is the same for every task of a run, as plain values: it goes through a pipe as JSON.
-
-    Attributes
-    ----------
-    settings : mapping
-        From `Settings.as_dict`.
-    store : str
-        Folder of the keypoint store.
-    keys : mapping
-        Hashes of what decides the keypoints, parts of names in the store.
-    spot : bool
-        Examples are looked for in long recordings, instead of compared with whole inputs.
-    threads : int
-        Of one worker's numeric libraries.
-    """
-
-    settings: Mapping[str, Any]
-    store: str
-    keys: Mapping[str, str] = field(default_factory=dict)
-    threads: int = 1
-    spot: bool = False
-
-
-@dataclass(frozen=True)
-class Task:
-    """One call of a worker function (`gesture_core.run.workers.functions`), by its name.
-
-    Attributes
-    ----------
-    number : int
-        Position among the tasks that were handed over together.
-    function : str
-    arguments : mapping
-        Plain values, fit for JSON.
-    """
-
-    number: int
-    function: str
-    arguments: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What came of a task: a value, or an error.
-
-    Attributes
-    ----------
-    number : int
-        The task's.
-    value : object
-        Plain values, fit for JSON.
-    error : GestureError or None
-    attempts : int
-        2 where the first attempt ended its process.
-    """
-
-    number: int
-    value: Any = None
-    error: GestureError | None = None
-    attempts: int = 1

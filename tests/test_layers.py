@@ -17,7 +17,7 @@ FLOORS = [
     {"errors", "files", "cores", "__init__"},
     {"skeletons", "joint_names"},
     {"dtw.spec"},
-    {"types", "plugin"},
+    {"records", "types", "plugin"},
     {"settings"},
     {"video", "pose", "signals", "dtw", "demo"},
     {"classify"},
@@ -94,6 +94,7 @@ FOR_KERNELS = {
     "dtw.subsequence",
     "dtw.spec",
     "errors",
+    "plugin.abilities",
     "plugin.hooks",
     "plugin.interfaces",
     "types",
@@ -117,7 +118,7 @@ PUBLIC_FOR = {
     "gesture_pose_onnx": {"errors", "plugin.hooks", "pose"},
     "gesture_pose_opencv": {"errors", "plugin.hooks", "pose"},
     "gesture_signals": {"errors", "plugin.hooks", "signals.body", "types"},
-    "gesture_video": {"errors", "plugin.hooks", "plugin.interfaces", "video"},
+    "gesture_video": {"errors", "plugin.hooks", "records", "video"},
 }
 """Modules below ``gesture_core`` from which a plugin may import what their ``__all__`` lists, or all where
 there is none."""

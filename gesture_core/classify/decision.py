@@ -12,8 +12,9 @@ from gesture_core.classify.comparison import is_still
 from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.classify.learning import ExampleWeights, learn_weights
 from gesture_core.errors import ConfigError, InputError
+from gesture_core.records import Prediction
 from gesture_core.settings import ClassifySettings
-from gesture_core.types import Neighbors, Prediction, Signals, Status
+from gesture_core.types import Neighbors, Signals, Status
 
 # Scores are sums in an order that a library's blocking may change; what is shown is rounded to hide it,
 # and classes whose scores differ by less are equal.

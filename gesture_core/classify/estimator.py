@@ -19,9 +19,10 @@ from gesture_core.classify.learning import ExampleWeights
 from gesture_core.classify.recognizer import Item, Recognizer, signals_of
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import printable
+from gesture_core.records import Prediction
 from gesture_core.settings import DEFAULT_PRESET, Settings, load_settings, settings_from_dict
 from gesture_core.settings.schema import SECTIONS
-from gesture_core.types import PoseSequence, Prediction, Signals
+from gesture_core.types import PoseSequence, Signals
 
 if TYPE_CHECKING:
     from sklearn.utils import Tags

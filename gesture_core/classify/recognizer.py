@@ -25,9 +25,10 @@ from gesture_core.classify.learning import ExampleWeights, learn, needs_distance
 from gesture_core.errors import ConfigError, GestureError, InputError, WarpingError
 from gesture_core.files import printable, read_arrays, write_arrays
 from gesture_core.plugin import registry
+from gesture_core.records import Prediction
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
-from gesture_core.types import PoseSequence, Prediction, SignalBatch, Signals
+from gesture_core.types import PoseSequence, SignalBatch, Signals
 
 # Examples are compared with each other in blocks of so many rows at most, and of about so many seconds.
 _MOST_ROWS, _SECONDS = 256, 2.0

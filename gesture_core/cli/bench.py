@@ -46,7 +46,7 @@ def bench(
     """
     from gesture_core.dtw.distances import choose_kernel
     from gesture_core.plugin import registry
-    from gesture_core.plugin.interfaces import ApproximateKernel
+    from gesture_core.plugin.abilities import ApproximateKernel
 
     if out is not None:
         check_file(out)

@@ -23,8 +23,8 @@ from gesture_core.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from gesture_core.records import Row
     from gesture_core.run.pipeline import RunSummary
-    from gesture_core.types import Row
 
 NO_LABEL = "(none)"
 """What stands for no label, where labels are counted."""

@@ -15,7 +15,7 @@ from gesture_core.files import printable
 
 if TYPE_CHECKING:
     from gesture_core.classify.explanation import Explanation
-    from gesture_core.types import Row
+    from gesture_core.records import Row
 
 _EXAMPLES_SHOWN = 6
 _CHANNELS_LISTED = 12

@@ -37,6 +37,7 @@ app = App(
 _COMMANDS = {
     "classify": "Label every input by the example gestures that it resembles.",
     "spot": "Find the example gestures in long recordings: what happened when.",
+    "cut": "Write the events of a run as clips, by label.",
     "extract": "Find keypoints only, and write them to files.",
     "evaluate": "Measure the accuracy of a preset on a labelled archive.",
     "explain": "Show why an input of a run got its label.",

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
-    from gesture_core.types import Row
+    from gesture_core.records import Row
 
 _ROWS_SHOWN = 60
 _REASONS_SHOWN = 20

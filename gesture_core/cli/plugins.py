@@ -18,7 +18,7 @@ from gesture_core.cli.output import counted, print_list, print_table, say
 from gesture_core.errors import GestureError, MissingDependencyError, ModelError, PluginError, PoseError
 from gesture_core.files import printable
 from gesture_core.plugin import registry
-from gesture_core.plugin.interfaces import INTERFACES, KINDS
+from gesture_core.plugin.hooks import KINDS
 from gesture_core.plugin.registry import Registration, Registry
 from gesture_core.settings import load_settings
 from gesture_core.settings.load import near
@@ -117,6 +117,7 @@ def _make(found: Registry, entry: Registration) -> None:
     GestureError, OSError
         Whatever is wrong with it, such as a pose backend that takes no ``model``.
     """
+    from gesture_core.plugin.interfaces import INTERFACES
     from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.models import find_model
 

@@ -15,7 +15,7 @@ from gesture_core.run.pipeline import Listener
 if TYPE_CHECKING:
     from rich.progress import Task
 
-    from gesture_core.types import Row
+    from gesture_core.records import Row
 
 _SECONDS_BETWEEN_LINES = 2.0
 

@@ -44,9 +44,10 @@ def render(
     overwrite
         Replace a file that is there.
     """
-    from gesture_core.plugin.interfaces import VideoLimits
-    from gesture_core.report.overlay import can_write_video, cropped, overlay, write_strip, write_video
+    from gesture_core.records import VideoLimits
+    from gesture_core.report.overlay import cropped, overlay, write_strip
     from gesture_core.video import open_video
+    from gesture_core.video.writer import can_write_video, write_video
 
     labels, settings = _labels(video, run) if run else ({}, None)
     if settings is None or flags not in (None, PoseFlags()):

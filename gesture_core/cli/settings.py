@@ -15,7 +15,7 @@ from gesture_core.cli.flags import UNSAID
 from gesture_core.cli.plugins import documentation, options_of, written
 from gesture_core.errors import ConfigError
 from gesture_core.plugin import registry
-from gesture_core.plugin.interfaces import KINDS
+from gesture_core.plugin.hooks import KINDS
 from gesture_core.settings import Settings, load_settings
 from gesture_core.settings.load import find_key, near
 from gesture_core.settings.schema import SECTIONS

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,8 +14,11 @@ from gesture_core.dtw.batches import Series, make_batches, refuse_one, subset, u
 from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError, InputError, PluginError, SignalError
 from gesture_core.plugin import registry
-from gesture_core.plugin.interfaces import DeviceKernel, DistanceKernel, PairKernel
+from gesture_core.plugin.abilities import DeviceKernel, PairKernel
 from gesture_core.types import SignalBatch, Signals
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import DistanceKernel
 
 CPU_ORDER = ("numba", "jax", "torch", "numpy")
 """Fastest first, as ``benchmarks/kernels.py`` measures them."""

@@ -17,7 +17,7 @@ import numpy as np
 from gesture_core.dtw.bands import allowed_cells, has_holes, is_banded, row_spans
 from gesture_core.dtw.batches import FAR, lane_cost, used_dimensions, warping_dtype, weighted
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.plugin.interfaces import GradientKernel, PairKernel
+from gesture_core.plugin.abilities import GradientKernel, PairKernel
 from gesture_core.types import SignalBatch
 
 __all__ = ["UNBOUNDED", "GradientLaneKernel", "LaneKernel", "Lanes", "Prepared"]

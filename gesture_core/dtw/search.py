@@ -20,7 +20,7 @@ from gesture_core.dtw.batches import Series, check_batches, common_dtype, subset
 from gesture_core.dtw.distances import Options, check_distances, choose_kernel, pair_distances
 from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError, InputError, PluginError
-from gesture_core.plugin.interfaces import BoundedKernel, LowerBoundKernel
+from gesture_core.plugin.abilities import SearchKernel
 from gesture_core.types import Neighbors, SignalBatch
 
 Keogh = Callable[[np.ndarray, np.ndarray, np.ndarray, bool], np.ndarray]
@@ -189,7 +189,7 @@ class ExampleIndex:
             found = np.asarray(kernel.distances(examples.state, queries))
             check_distances(found, queries, examples.batch, self.kernel)
             return found if among is None else np.where(among, found, np.inf).astype(found.dtype)
-        fast = kernel.keogh if isinstance(kernel, LowerBoundKernel) else keogh
+        fast = kernel.keogh if isinstance(kernel, SearchKernel) else keogh
         limits = lower_bounds(queries, examples, spec, fast)
         if among is not None:
             limits[~among] = np.inf
@@ -228,7 +228,7 @@ class ExampleIndex:
         if len(qi) == 0:
             return np.empty(0, queries.values.dtype)
         kernel = self._kernel
-        if isinstance(kernel, BoundedKernel):
+        if isinstance(kernel, SearchKernel):
             # Above the rounding of sums: what equals the limit must not be abandoned.
             roomy = limits * (1 + _MARGIN[queries.values.dtype])
             found = np.asarray(kernel.within(examples.state, queries, qi, ei, roomy))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +17,11 @@ from gesture_core.dtw.distances import (
 )
 from gesture_core.dtw.spec import DtwSpec, as_spec
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.plugin.interfaces import DistanceKernel, GradientKernel
+from gesture_core.plugin.abilities import GradientKernel
 from gesture_core.types import SignalBatch
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import DistanceKernel
 
 SOFT = DtwSpec(mode="dependent", cost="squared", reduce="sum", gamma=1.0)
 """The specification of Cuturi and Blondel, and of tslearn."""

@@ -22,7 +22,7 @@ import numpy as np
 from gesture_core.dtw.distances import CPU_ORDER
 from gesture_core.errors import InputError, PluginError
 from gesture_core.plugin import registry
-from gesture_core.plugin.interfaces import SubsequenceKernel
+from gesture_core.plugin.abilities import SubsequenceKernel
 
 __all__ = ["BORDER", "UNREACHABLE", "SubsequenceState"]
 

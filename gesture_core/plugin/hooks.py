@@ -1,4 +1,4 @@
-"""Hook specifications: one hook for each kind of plugin.
+"""The kinds of plugin, and the hook by which each is announced.
 
 A plugin module implements any of these with `hookimpl` and calls ``register`` once for each
 thing that it brings. See `Register` for the arguments.
@@ -6,7 +6,8 @@ thing that it brings. See `Register` for the arguments.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import pluggy
@@ -14,6 +15,42 @@ import pluggy
 PROJECT = "gesture_core"
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of plugin: its name in the registry, its hook, and its name in sentences.
+
+    ``given`` are parameters that the program fills in, so that they are no options; ``offered`` are
+    those that it fills in where a class takes them.
+    """
+
+    name: str
+    hook: str
+    title: str
+    given: tuple[str, ...] = ()
+    offered: tuple[str, ...] = ()
+
+    @property
+    def filled(self) -> tuple[str, ...]:
+        """Parameters that are no options."""
+        return self.given + self.offered
+
+
+KINDS: Mapping[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        Kind("video", "register_video_readers", "video reader"),
+        Kind("pose", "register_pose_backends", "pose backend", ("model",)),
+        Kind("reader", "register_keypoint_readers", "keypoint reader", (), ("options", "people")),
+        Kind("normalizer", "register_normalizers", "normalizer"),
+        Kind("filter", "register_filters", "filter"),
+        Kind("selector", "register_selectors", "dimension selector"),
+        Kind("kernel", "register_distance_kernels", "distance kernel"),
+        Kind("writer", "register_result_writers", "result writer"),
+        Kind("engine", "register_engines", "execution engine", ("workers", "limits")),
+    )
+}
 
 
 class Register(Protocol):

@@ -29,7 +29,7 @@ import pluggy
 from gesture_core.errors import ConfigError, GestureError, MissingDependencyError, PluginError, SignalError
 from gesture_core.files import with_tracebacks
 from gesture_core.plugin import hooks
-from gesture_core.plugin.interfaces import KINDS
+from gesture_core.plugin.hooks import KINDS
 
 _NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 _TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")

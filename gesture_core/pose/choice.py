@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import ConfigError, GestureError, PluginError
-from gesture_core.plugin.interfaces import DeviceChoice
+from gesture_core.plugin.abilities import DeviceChoice
 from gesture_core.plugin.registry import registry
 from gesture_core.pose.models import ModelFile, auto_models, find_model, is_here, known_models
 

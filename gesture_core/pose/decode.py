@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from gesture_core.errors import PoseError
-from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.contract import BLAZEPOSE, ModelContract, split_openpose
 from gesture_core.pose.heatmaps import LEAST_SCORE, LIMBS, assemble, top_peaks
 from gesture_core.skeletons import skeleton
+from gesture_core.types import Person
 
 CERTAIN = 0.4
 """Score from which a joint or a box is certainly somebody's."""

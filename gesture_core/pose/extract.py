@@ -9,21 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import (
-    CropFollowing,
-    Person,
-    PoseBackend,
-    RegionFollowing,
-    TemporalChoice,
-    Traceable,
-)
+from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable
 from gesture_core.pose.follow import Follower
 from gesture_core.pose.region import RegionFollower
 from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import skeleton
-from gesture_core.types import PoseSequence
+from gesture_core.types import Person, PoseSequence
 
 if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import PoseBackend
     from gesture_core.settings import Settings
 
 Frame = tuple[float, np.ndarray]
@@ -86,7 +80,7 @@ def extract_poses(
         Crop to the person and follow them; None lets the backend decide. Only with ``people="single"``.
     steady : bool, optional
         Choose every limb for all frames together (`gesture_core.pose.temporal`); None lets the backend
-        decide, which does so unless its option ``steady`` is false. Only with ``people="single"``.
+        decide, which does so unless its ``steady`` is false. Only with ``people="single"``.
     source : str
         What to call the input.
 
@@ -103,10 +97,9 @@ def extract_poses(
     """
     body = skeleton(backend.skeleton)
     joints = len(body.joints)
-    if follow is None:
-        follow = isinstance(backend, CropFollowing) and backend.follow
-    if steady is None:
-        steady = backend.steady if isinstance(backend, TemporalChoice) else True
+    able = backend if isinstance(backend, CropFollowing) else None
+    follow = bool(able and able.follow) if follow is None else follow
+    steady = bool(not able or able.steady) if steady is None else steady
     follower: Follower | RegionFollower | None = None
     if follow and people == "single":
         if isinstance(backend, RegionFollowing) and backend.region:

@@ -13,12 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import CropFollowing, Person, PoseBackend
+from gesture_core.plugin.abilities import CropFollowing
 from gesture_core.pose.contract import ModelContract
 from gesture_core.skeletons import Skeleton, skeleton
+from gesture_core.types import Person
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import PoseBackend
 
 # Rough proportions of an adult in torso lengths (shoulders to hips; cf. Drillis and Contini 1966): a raised
 # hand ends 1.5 above the shoulders, the feet 2.8 below them; the shoulders are 0.75 wide. How far a

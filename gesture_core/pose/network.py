@@ -16,13 +16,13 @@ from typing import ClassVar
 import numpy as np
 
 from gesture_core.errors import ModelError, PoseError
-from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.contract import ModelContract, Tensor, infer_contract
 from gesture_core.pose.decode import decode
 from gesture_core.pose.follow import Anatomy
 from gesture_core.pose.models import FINDER, ModelFile, find_model
 from gesture_core.pose.onnx_header import OnnxHeader, read_header
 from gesture_core.skeletons import skeleton
+from gesture_core.types import Person
 
 _REGION = 256
 """Pixels of a side of BlazePose's input, which no header states."""
@@ -211,7 +211,7 @@ class NetworkBackend(ABC):
 
     @classmethod
     def devices(cls) -> Mapping[str, Sequence[str]]:
-        """As `gesture_core.plugin.interfaces.DeviceChoice` says: nothing to choose."""
+        """As `gesture_core.plugin.abilities.DeviceChoice` says: nothing to choose."""
         return {}
 
     @abstractmethod

@@ -9,12 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import Person, PoseBackend, RegionFollowing
+from gesture_core.plugin.abilities import RegionFollowing
 from gesture_core.pose.follow import PAUSE, Anatomy, Body, Follower
 from gesture_core.skeletons import COCO18, skeleton, to_coco18
+from gesture_core.types import Person
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import PoseBackend
 
 ROOM = 1.25
 """Side of the square over the diameter of the circle around the body, as BlazePose was trained with."""
@@ -88,7 +93,8 @@ class Region:
 class RegionFollower:
     """Finds one person in each frame of a video, given in order."""
 
-    def __init__(self, backend: RegionFollowing) -> None:
+    def __init__(self, backend: PoseBackend) -> None:
+        assert isinstance(backend, RegionFollowing)
         self.backend = backend
         self.searches = 0
         self._finder = Follower(backend.finder)

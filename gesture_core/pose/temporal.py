@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.follow import SHOULDERS
 from gesture_core.skeletons import Skeleton
+from gesture_core.types import Person
 
 _BLOCK = 256
 """Frames whose states are listed at once."""

@@ -14,7 +14,7 @@ from typing import Any
 
 from gesture_core.errors import MissingDependencyError, RunFolderError
 from gesture_core.files import printable, replacing
-from gesture_core.types import Row
+from gesture_core.records import Row
 
 FORMATS = ("eaf", "vtt", "srt", "activitynet")
 _SUFFIXES = {"eaf": ".eaf", "vtt": ".vtt", "srt": ".srt"}

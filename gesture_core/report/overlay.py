@@ -1,12 +1,9 @@
-"""Draws keypoints over pictures, as an H.264 video or as a strip of pictures."""
+"""Draws keypoints over pictures, and writes a strip of them."""
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Iterable, Iterator, Sequence
-from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +12,7 @@ from gesture_core.files import replacing
 from gesture_core.report import style
 from gesture_core.skeletons import Skeleton, skeleton
 from gesture_core.types import PoseSequence
-
-if TYPE_CHECKING:
-    from av.video.stream import VideoStream
+from gesture_core.video.frames import room_around
 
 Colour = tuple[int, int, int]
 """Blue, green and red."""
@@ -30,8 +25,6 @@ def _colour(text: str) -> Colour:
 _SIDES = {"right": _colour(style.RIGHT), "left": _colour(style.LEFT), "middle": _colour(style.MIDDLE)}
 _PEOPLE = tuple(map(_colour, (style.GREEN, style.VERMILLION, style.PURPLE, style.BLUE, style.GREY)))
 """One colour for each person, in turn."""
-_CLOCK = 90_000
-"""Ticks in a second of the video, so that real time stamps are kept."""
 _SAME = 0.0005
 """Seconds below which two times are one: less than half a frame at the fastest rate that is read."""
 
@@ -140,70 +133,9 @@ def cropped(
     margin : float
         On each side, as a share of the longer side of that place.
     """
-    boxes = np.array([pose.box for pose in poses if pose.box])
-    low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-    room = margin * float((high - low).max())
-    left, top = np.maximum(low - room, 0).astype(int).tolist()
-    right, bottom = np.ceil(high + room + 1).astype(int).tolist()
+    place = room_around([pose.box for pose in poses if pose.box], margin)
     for time, frame in frames:
-        yield time, frame[top:bottom, left:right]
-
-
-def can_write_video() -> bool:
-    """Whether PyAV, which writes H.264, is installed."""
-    return importlib.util.find_spec("av") is not None
-
-
-def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quality: int = 23) -> int:
-    """Write an H.264 video with the frames' own times; the number of frames.
-
-    Parameters
-    ----------
-    frames : iterable of (seconds, frame)
-        (H, W, 3) uint8 in BGR, all of one size. An odd height or width loses its last line: H.264
-        stores colour for two by two pixels.
-    path : path
-        ``.mp4``; it appears once it is complete.
-    quality : int
-        x264's rate factor: 0 without loss, 51 worst.
-
-    Raises
-    ------
-    MediaError
-        ``E_MEDIA_WRITE`` where PyAV cannot write it, or there is no frame.
-    """
-    import av
-
-    count, last = 0, -1
-    stream: VideoStream | None = None
-    try:
-        with (
-            replacing(path) as part,
-            av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container,
-        ):
-            for time, frame in frames:
-                even = np.ascontiguousarray(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
-                if stream is None:
-                    stream = container.add_stream("libx264", rate=30, options={"crf": str(quality)})
-                    stream.height, stream.width = even.shape[:2]
-                    stream.pix_fmt = "yuv420p"
-                    stream.time_base = stream.codec_context.time_base = Fraction(1, _CLOCK)
-                picture = av.VideoFrame.from_ndarray(even, format="bgr24")
-                last = max(last + 1, round(time * _CLOCK))
-                picture.pts, picture.time_base = last, Fraction(1, _CLOCK)
-                container.mux(stream.encode(picture))
-                count += 1
-            if stream is None:
-                raise MediaError("no frame to write", subject=str(path), code="E_MEDIA_WRITE")
-            container.mux(stream.encode(None))
-    except av.FFmpegError as error:
-        raise MediaError(
-            f"cannot be written as H.264: {error}",
-            subject=str(path),
-            remedy="an output that ends in .png",
-            code="E_MEDIA_WRITE",
-        ) from error
-    return count
+        yield time, frame[place]
 
 
 def write_strip(

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from gesture_core.errors import ConfigError, InputError, MissingDependencyError
+from gesture_core.records import Event, Row
 from gesture_core.run.results import open_results
 from gesture_core.spot.evaluation import Annotation, EventScores, score_events
-from gesture_core.types import Event, Row
 
 SUFFIXES = (".eaf", ".vtt", ".csv")
 _LARGEST = 64 << 20

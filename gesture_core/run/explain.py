@@ -15,14 +15,16 @@ from gesture_core.classify.explanation import Explanation
 from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import GestureError, InputError, RunFolderError
 from gesture_core.files import printable
+from gesture_core.records import Row
 from gesture_core.run.evaluate import people_of
+from gesture_core.run.found_again import path_of, spelled
 from gesture_core.run.inputs import Input, discover
 from gesture_core.run.pipeline import Listener
 from gesture_core.run.results import open_results
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
-from gesture_core.types import PoseSequence, Row, Signals
+from gesture_core.types import PoseSequence, Signals
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,15 +124,15 @@ def _people(
     ``hashes`` are the content hashes that the run saw; an input that has changed since is an error.
     An input that cannot be read is left out. ``places`` are absolute paths, where the run knows them.
     """
-    paths = {name: _path(name, places.get(name, "")) for name in hashes}
+    paths = {name: path_of(name, places.get(name, "")) for name in hashes}
     spellings: dict[str, list[str]] = {}  # an input may be an example too, under another name
     for name, path in paths.items():
-        spellings.setdefault(_place(path, name.partition("::")[2]), []).append(name)
+        spellings.setdefault(spelled(path, name.partition("::")[2]), []).append(name)
     found_items = _inputs(paths, settings)
-    items = [item for item in found_items if _place(item.path, printable(item.member)) in spellings]
+    items = [item for item in found_items if spelled(item.path, printable(item.member)) in spellings]
     people: dict[str, list[PoseSequence]] = {}
     for item, found, sequences in people_of(items, settings, listener=listener):
-        for name in spellings[_place(item.path, printable(item.member))]:
+        for name in spellings[spelled(item.path, printable(item.member))]:
             if found.sha256 and found.sha256 != hashes[name]:
                 raise InputError(
                     "has changed since the run",
@@ -141,17 +143,6 @@ def _people(
             if not found.code:
                 people[name] = sequences
     return people
-
-
-def _path(name: str, place: str) -> Path:
-    """Where an input is: at its place, or, after a move, where its name leads from here."""
-    typed = Path(name.partition("::")[0])
-    return typed if not place or (typed.exists() and not Path(place).exists()) else Path(place)
-
-
-def _place(path: Path, member: str) -> str:
-    """The same for all spellings of an input."""
-    return f"{path.resolve()}::{member}"
 
 
 def _inputs(paths: Mapping[str, Path], settings: Settings) -> list[Input]:

@@ -14,11 +14,11 @@ from typing import Any
 from gesture_core.errors import PluginError, RunFolderError, WorkerError
 from gesture_core.files import replacing
 from gesture_core.plugin.registry import calling, registry
+from gesture_core.records import COLUMNS, Job
 from gesture_core.run.results import open_results
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.run.workers.functions import encoded
 from gesture_core.settings import LimitSettings
-from gesture_core.types import COLUMNS, Job
 
 _SECONDS_BETWEEN_SIGNS = 0.5
 

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gesture_core.cores import usable_cores
 from gesture_core.errors import Code, ConfigError, ModelError, PluginError, RunFolderError, WorkerError
 from gesture_core.files import cache_dir, tree_sha256
-from gesture_core.plugin.interfaces import Closeable, ExecutionEngine
+from gesture_core.plugin.abilities import Closeable
 from gesture_core.plugin.registry import Registration, calling, registry
 from gesture_core.pose.choice import choose_pose
+from gesture_core.records import Job, Outcome, Task
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.run.inputs import Input
 from gesture_core.run.store import keypoint_store, prune
 from gesture_core.run.workers.functions import encoded
 from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.settings import Settings
-from gesture_core.types import Job, Outcome, Task
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import ExecutionEngine
 
 OnFrames = Callable[[str, int], None]
 
@@ -67,7 +70,8 @@ class OpenEngine:
 
     def __exit__(self, *_: object) -> None:
         if isinstance(self._engine, Closeable):
-            self._engine.close()
+            with calling(self._entry):
+                self._engine.close()
 
     def extract(self, items: Sequence[Input]) -> Iterator[tuple[Input, Extracted]]:
         """What came of each of ``items``, as they come.

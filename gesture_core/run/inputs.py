@@ -13,12 +13,12 @@ from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
 from gesture_core.files import printable, unreadable
+from gesture_core.records import Job
 from gesture_core.run.manifests import read_manifest
 from gesture_core.run.readers import Readers
 from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
-from gesture_core.types import Job
 from gesture_core.video.containers import begins_as_video
 
 VIDEO_SUFFIXES = frozenset(

@@ -19,6 +19,7 @@ from typing import Any
 from gesture_core.classify.examples import sided_labels
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
 from gesture_core.files import without_cache
+from gesture_core.records import Job, Row
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.inputs import Input
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
@@ -28,7 +29,6 @@ from gesture_core.run.store import keypoint_store, prune
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.run.workers.functions import encoded
 from gesture_core.run.workers.keypoints import Extracted
-from gesture_core.types import Job, Row
 
 _BATCH = 64
 _TIMES = re.compile(r" \(\d+ times\)$")

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import ConfigError, RunFolderError
-from gesture_core.types import COLUMNS, Row
+from gesture_core.records import COLUMNS, Row
 
 DATABASE, LOCK = "run.db", "run.lock"
 FITTED, DISTANCES = "run.fitted", "run.distances"

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from gesture_core.errors import Code
+from gesture_core.records import Event, Prediction, Row
 from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input
 from gesture_core.run.workers.keypoints import Extracted
-from gesture_core.types import Event, Prediction, Row
 
 _READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
 _FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gesture_core.errors import GestureError, PluginError, PoseError, SignalError
-from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
 from gesture_core.plugin.registry import calling, name_of, registry
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
 from gesture_core.signals.repair import repaired
@@ -16,6 +15,7 @@ from gesture_core.skeletons import COCO18
 from gesture_core.types import PoseSequence, Signals
 
 if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
     from gesture_core.settings import Settings
 
 CHANNELS = tuple(f"{name}_{axis}" for name in COCO18.joints for axis in "xy")

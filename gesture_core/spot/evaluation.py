@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from gesture_core.types import Event
+from gesture_core.records import Event
 
 OVERLAPS = (0.1, 0.25, 0.5)
 """Intersection over union in time from which on an event meets an annotation."""

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gesture_core.classify.recognizer import Recognizer
 from gesture_core.dtw.subsequence import choose_subsequence_kernel
 from gesture_core.errors import ConfigError, GestureError, InputError
-from gesture_core.plugin.interfaces import Subsequences
 from gesture_core.settings import Settings
 from gesture_core.spot.signals import stream_chain
 from gesture_core.types import PoseSequence, Signals
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import Subsequences
 
 NONE = "_none"
 """The label of movements that are no gesture: looked for like any other, and never an event."""

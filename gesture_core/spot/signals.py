@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import StreamStep
+from gesture_core.plugin.abilities import StreamStep
 from gesture_core.settings import Settings
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence

@@ -10,13 +10,14 @@ import numpy as np
 
 from gesture_core.classify.recognizer import Recognizer
 from gesture_core.errors import GestureError, InputError
+from gesture_core.records import Event
 from gesture_core.settings import Settings, load_settings
 from gesture_core.spot.candidates import Candidate, Search
 from gesture_core.spot.examples import NONE, SpottingExamples
 from gesture_core.spot.live import LiveSignals
 from gesture_core.spot.signals import spans, stream_chain
 from gesture_core.spot.suppression import Suppression, merged
-from gesture_core.types import Event, PoseSequence, Signals
+from gesture_core.types import PoseSequence, Signals
 
 BLOCK = 512
 """Frames of a recording that are compared at a time."""

@@ -82,7 +82,7 @@ def checks_for(kind: str) -> tuple[Callable[..., None], ...]:
     Parameters
     ----------
     kind : str
-        Its name in `gesture_core.plugin.interfaces.KINDS`, such as ``"filter"``.
+        Its name in `gesture_core.plugin.hooks.KINDS`, such as ``"filter"``.
 
     Raises
     ------

@@ -15,10 +15,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from gesture_core.errors import GestureError
-from gesture_core.plugin.interfaces import Closeable, ExecutionEngine
+from gesture_core.plugin.abilities import Closeable
+from gesture_core.plugin.interfaces import ExecutionEngine
+from gesture_core.records import Job, Outcome, Task
 from gesture_core.run.workers.functions import encoded
 from gesture_core.settings import load_settings
-from gesture_core.types import Job, Outcome, Task
 
 _FORMATS = {"csv": ".csv", "jsonl": ".jsonl", "parquet": ".parquet"}
 _SUFFIXES = tuple(Task(n, "suffix", {"format": name}) for n, name in enumerate(_FORMATS))

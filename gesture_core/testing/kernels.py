@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,16 +19,12 @@ from gesture_core.dtw import reference, search
 from gesture_core.dtw.bands import is_feasible
 from gesture_core.dtw.batches import subset, used_dimensions
 from gesture_core.dtw.spec import BandMask, DtwSpec
-from gesture_core.plugin.interfaces import (
-    ApproximateKernel,
-    BoundedKernel,
-    DistanceKernel,
-    GradientKernel,
-    LowerBoundKernel,
-    PairKernel,
-)
+from gesture_core.plugin.abilities import ApproximateKernel, GradientKernel, PairKernel, SearchKernel
 from gesture_core.settings import load_settings, presets
 from gesture_core.types import SignalBatch
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import DistanceKernel
 
 TOLERANCE = {np.dtype(np.float32): (1e-5, 1e-6), np.dtype(np.float64): (1e-10, 1e-10)}
 """Relative and absolute, against the float64 reference."""
@@ -236,7 +233,7 @@ def check_bits(kernel: DistanceKernel) -> None:
 
 def check_pairs(kernel: DistanceKernel) -> None:
     """Where a kernel computes chosen pairs, they have the bits of the table, unless they may be abandoned."""
-    if not isinstance(kernel, PairKernel | BoundedKernel):
+    if not isinstance(kernel, PairKernel | SearchKernel):
         return
     rng = np.random.default_rng(8)
     queries, examples = draw_batch(rng, 6, 25, 3), draw_batch(rng, 40, 25, 3)
@@ -250,7 +247,7 @@ def check_pairs(kernel: DistanceKernel) -> None:
             np.testing.assert_array_equal(kernel.pairs(state, queries, qi, ei), wanted, err_msg=str(spec))
             nothing = kernel.pairs(state, queries, qi[:0], ei[:0])
             assert np.shape(nothing) == (0,), f"no pairs give shape {np.shape(nothing)}"
-        if isinstance(kernel, BoundedKernel):
+        if isinstance(kernel, SearchKernel):
             limits = np.median(whole, axis=1)
             got = np.asarray(kernel.within(state, queries, qi, ei, limits))
             kept = (wanted <= limits[qi]) | np.isfinite(got)
@@ -260,7 +257,7 @@ def check_pairs(kernel: DistanceKernel) -> None:
 
 def check_lower_bound(kernel: DistanceKernel) -> None:
     """Where a kernel computes LB_Keogh, it agrees with the definition."""
-    if not isinstance(kernel, LowerBoundKernel):
+    if not isinstance(kernel, SearchKernel):
         return
     rng = np.random.default_rng(9)
     query, middle = rng.normal(size=(3, 17)), rng.normal(size=(5, 3, 17))

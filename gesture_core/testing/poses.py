@@ -14,9 +14,10 @@ from typing import Protocol
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import Person, PoseBackend
+from gesture_core.plugin.interfaces import PoseBackend
 from gesture_core.skeletons import SKELETONS
 from gesture_core.testing.answers import ask, ask_or_refuse
+from gesture_core.types import Person
 
 _SAME = 0.01
 """Pixels within which two answers to the same picture agree."""

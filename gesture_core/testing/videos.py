@@ -19,7 +19,8 @@ from typing import Protocol
 import numpy as np
 
 from gesture_core.errors import GestureError, MediaError
-from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReader, VideoReport
+from gesture_core.plugin.interfaces import VideoReader
+from gesture_core.records import VideoInfo, VideoLimits, VideoReport
 
 _RATE = 10.0
 

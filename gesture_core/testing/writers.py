@@ -9,8 +9,8 @@ from typing import Any
 
 from gesture_core.errors import GestureError
 from gesture_core.plugin.interfaces import ResultWriter
+from gesture_core.records import COLUMNS, Row
 from gesture_core.testing.answers import ask
-from gesture_core.types import COLUMNS, Row
 
 _NEIGHBORS = (("wave/anna.mp4", "wave", 0.125), ("clap/ben.mp4", "clap", 0.5))
 

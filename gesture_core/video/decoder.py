@@ -13,8 +13,8 @@ import numpy as np
 
 from gesture_core.errors import GestureError, MediaError
 from gesture_core.files import printable
-from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReport
 from gesture_core.plugin.registry import calling
+from gesture_core.records import VideoInfo, VideoLimits, VideoReport
 from gesture_core.video.containers import UNTIMED, open_container
 from gesture_core.video.frames import (
     DEFAULT_FPS,

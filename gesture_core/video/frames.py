@@ -8,12 +8,16 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gesture_core.errors import MediaError
-from gesture_core.plugin.interfaces import LazyFrames, Video
+from gesture_core.plugin.abilities import LazyFrames
 from gesture_core.video.integrity import DamageLog
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import Video
 
 DEFAULT_FPS = 25.0
 """Frames a second where nothing tells."""
@@ -152,6 +156,19 @@ def fit(frame: np.ndarray, width: int, height: int) -> np.ndarray:
         frame, (inner_width, inner_height), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     )
     return out
+
+
+def room_around(boxes: Sequence[Sequence[float]], margin: float = 0.15) -> tuple[slice, slice]:
+    """The part of a frame in which all ``boxes`` lie: left, top, right and bottom of each, in pixels.
+
+    On each side there is ``margin`` more, as a share of the longer side of that place.
+    """
+    edges = np.array(boxes)
+    low, high = edges[:, :2].min(axis=0), edges[:, 2:].max(axis=0)
+    room = margin * float((high - low).max())
+    left, top = np.maximum(low - room, 0).astype(int).tolist()
+    right, bottom = np.ceil(high + room + 1).astype(int).tolist()
+    return slice(top, bottom), slice(left, right)
 
 
 def pictures(video: Video) -> Iterator[Picture]:

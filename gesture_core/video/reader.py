@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from gesture_core.errors import MissingDependencyError
-from gesture_core.plugin.interfaces import Video, VideoInfo, VideoLimits, VideoReader, VideoReport
 from gesture_core.plugin.registry import calling, registry
+from gesture_core.records import VideoInfo, VideoLimits, VideoReport
 from gesture_core.video.frames import Picture, pictures
 
 if TYPE_CHECKING:
     import numpy as np
+
+    from gesture_core.plugin.interfaces import Video, VideoReader
 
 Options = Mapping[str, Mapping[str, Any]]
 

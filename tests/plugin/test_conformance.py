@@ -16,7 +16,8 @@ from tool_files import POINTS, write_csv, write_pose, write_sleap, write_trc
 
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.plugin import registry
-from gesture_core.plugin.interfaces import INTERFACES, KINDS
+from gesture_core.plugin.hooks import KINDS
+from gesture_core.plugin.interfaces import INTERFACES
 from gesture_core.plugin.template import write_plugin
 from gesture_core.pose.models import find_model
 from gesture_core.run.store import write_keypoints

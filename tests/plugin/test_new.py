@@ -22,7 +22,7 @@ from gesture_core.classify.comparison import parts
 from gesture_core.cli.main import run
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
-from gesture_core.plugin.interfaces import KINDS
+from gesture_core.plugin.hooks import KINDS
 from gesture_core.plugin.template import write_plugin
 from gesture_core.signals.mirror import mirrored
 from gesture_core.testing import checks_for

@@ -53,7 +53,7 @@ def test_a_column_tells_people_apart(tmp_path: Path, name: str, ids: tuple[str, 
     same(found[0], one)
     (best,) = read(path)
     same(best, one)
-    assert f"1 of 2 people taken, {ids[0].removesuffix('.0')}" in best.provenance["notes"]
+    assert f"the best of 2 people or tracks, {ids[0].removesuffix('.0')}" in best.provenance["notes"]
 
 
 def test_an_id_that_numbers_the_rows_tells_nobody_apart(tmp_path: Path) -> None:

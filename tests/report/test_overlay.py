@@ -11,9 +11,10 @@ from tiny_networks import FIGURE, GREY, dot_network, dot_picture
 
 from gesture_core.cli.main import run
 from gesture_core.errors import MediaError
-from gesture_core.report.overlay import cropped, draw_pose, overlay, side_colour, write_strip, write_video
+from gesture_core.report.overlay import cropped, draw_pose, overlay, side_colour, write_strip
 from gesture_core.skeletons import COCO18, SKELETONS
 from gesture_core.types import PoseSequence
+from gesture_core.video.writer import write_video
 
 TIMES = [0.0, 0.04, 0.1, 0.5, 0.5, 1.25]
 

@@ -11,8 +11,8 @@ import pytest
 from tiny_networks import FIGURE, dot_network, dot_picture
 
 from gesture_core.cli.main import run
-from gesture_core.report.overlay import write_video
 from gesture_core.run.results import open_results
+from gesture_core.video.writer import write_video
 
 
 @pytest.fixture

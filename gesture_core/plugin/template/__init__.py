@@ -13,7 +13,7 @@ from pathlib import Path
 from string import Template
 
 from gesture_core.errors import ConfigError
-from gesture_core.plugin.interfaces import KINDS
+from gesture_core.plugin.hooks import KINDS
 from gesture_core.plugin.registry import registry
 
 _FOLDER = Path(__file__).parent
@@ -38,7 +38,7 @@ def write_plugin(kind: str, name: str, out: Path) -> list[Path]:
     Parameters
     ----------
     kind : str
-        A key of `gesture_core.plugin.interfaces.KINDS`.
+        A key of `gesture_core.plugin.hooks.KINDS`.
     name : str
         Of the plugin: lower-case letters, digits and hyphens, a letter first.
     out : Path

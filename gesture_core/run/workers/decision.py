@@ -16,10 +16,11 @@ from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import ConfigError, GestureError, InputError, PoseError, RunFolderError
 from gesture_core.files import tree_sha256
 from gesture_core.plugin.registry import calling, registry
+from gesture_core.records import Event, Prediction
 from gesture_core.run.results import DISTANCES, FITTED
 from gesture_core.settings import Settings
 from gesture_core.spot.spotter import Spotter
-from gesture_core.types import Event, PoseSequence, Prediction, Signals
+from gesture_core.types import PoseSequence, Signals
 
 
 @contextmanager

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.plugin.registry import show_tracebacks
+from gesture_core.records import Job, Outcome, Task
 from gesture_core.run.workers.worker import Worker
 from gesture_core.settings import LimitSettings
-from gesture_core.types import Job, Outcome, Task
 
 if TYPE_CHECKING:
     from gesture_core.run.workers.processes import ProcessEngine

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError
-from gesture_core.plugin.interfaces import ExplainsRefusal
+from gesture_core.plugin.abilities import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.run.workers.keypoints import open_reader
 from gesture_core.run.workers.worker import Worker
@@ -174,6 +174,19 @@ def spot(worker: Worker, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[
     return answers
 
 
+def cut(
+    worker: Worker, path: str, sha256: str, clips: Sequence[Mapping[str, Any]], sound: bool
+) -> list[dict[str, Any]]:
+    """Write parts of a video as clips (``path`` encoded, ``start``, ``end``, ``box``); what came of each."""
+    from gesture_core.run.workers import clips as writing
+
+    def report(frames: int) -> None:
+        worker.report({"frames": frames})
+
+    parts = [{**one, "path": decoded(one["path"])} for one in clips]
+    return writing.cut(decoded(path), sha256, parts, worker.settings, sound=sound, report=report)
+
+
 def _people(worker: Worker, stored: str, name: str) -> Sequence[Any]:
     from gesture_core.run.store import read_keypoints
 
@@ -197,7 +210,7 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
         try_model, extract, accepts, refusal, members, open_classifier, add_example, fit, open_fitted, decide,
-        keep_distances, spot, suffix, write_rows,
+        keep_distances, spot, cut, suffix, write_rows,
     )
 }  # fmt: skip
 """Every function that a task may name; each takes the `Worker` and the task's arguments."""

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
 from gesture_core.files import content_sha256, stamp, tree_sha256, without_cache
-from gesture_core.plugin.interfaces import VideoLimits
 from gesture_core.plugin.registry import calling, registry
+from gesture_core.records import Job, VideoLimits
 from gesture_core.run.store import mark_used, read_keypoints, write_keypoints
 from gesture_core.settings import Settings
-from gesture_core.types import Job, PoseSequence
+from gesture_core.types import PoseSequence
 
 if TYPE_CHECKING:
     import numpy as np

@@ -19,9 +19,9 @@ from typing import IO, Any
 
 from gesture_core.errors import WorkerError
 from gesture_core.plugin.registry import tracebacks
+from gesture_core.records import Job, Outcome, Task
 from gesture_core.run.workers.worker import from_tree
 from gesture_core.settings import LimitSettings
-from gesture_core.types import Job, Outcome, Task
 
 _TICK = 0.2
 _START_SECONDS = 120.0

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from gesture_core import errors
 from gesture_core.errors import GestureError, InputError, PluginError
 from gesture_core.plugin.registry import described, watch
-from gesture_core.types import Job, Outcome, Task
+from gesture_core.records import Job, Outcome, Task
 
 if TYPE_CHECKING:
     from gesture_core.run.workers.decision import Decider

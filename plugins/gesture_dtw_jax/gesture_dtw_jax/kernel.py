@@ -6,7 +6,7 @@ import jax
 import numpy as np
 
 from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
-from gesture_core.plugin.interfaces import DeviceKernel
+from gesture_core.plugin.abilities import DeviceKernel
 from gesture_dtw_jax.hard import hard_tile
 from gesture_dtw_jax.soft import soft_tile, soft_tile_gradients
 from gesture_dtw_jax.tiles import WIDTHS, make_tile

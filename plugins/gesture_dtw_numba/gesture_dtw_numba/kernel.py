@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,19 +13,15 @@ from gesture_core.cores import usable_cores
 from gesture_core.dtw.bands import has_holes, is_banded
 from gesture_core.dtw.batches import lane_cost
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.plugin.interfaces import (
-    BoundedKernel,
-    GradientKernel,
-    LowerBoundKernel,
-    PairKernel,
-    SubsequenceKernel,
-    Subsequences,
-)
+from gesture_core.plugin.abilities import GradientKernel, PairKernel, SearchKernel, SubsequenceKernel
 from gesture_core.types import SignalBatch
 from gesture_dtw_numba.bounds import keogh
 from gesture_dtw_numba.compiled import LANES, ROWS
 from gesture_dtw_numba.layout import Batch, Costs, Rule, aligned, make_bands, make_batch, make_scratch
 from gesture_dtw_numba.tile import groups
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import Subsequences
 
 QUERIES, EXAMPLES = 16, 512
 """Size of a tile: the unit that a thread takes."""
@@ -47,7 +44,7 @@ class Prepared:
 
 
 @dataclass(frozen=True)
-class NumbaKernel(PairKernel, BoundedKernel, GradientKernel, LowerBoundKernel, SubsequenceKernel):
+class NumbaKernel(PairKernel, SearchKernel, GradientKernel, SubsequenceKernel):
     """Warping distances in compiled loops, in the dtype of the batches.
 
     Attributes

@@ -12,14 +12,8 @@ pytest.importorskip("numba")
 from gesture_dtw_numba.kernel import NumbaKernel
 
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.plugin.interfaces import (
-    ApproximateKernel,
-    BoundedKernel,
-    DistanceKernel,
-    GradientKernel,
-    LowerBoundKernel,
-    PairKernel,
-)
+from gesture_core.plugin.abilities import ApproximateKernel, GradientKernel, PairKernel, SearchKernel
+from gesture_core.plugin.interfaces import DistanceKernel
 from gesture_core.testing import KERNEL_CHECKS, draw_batch
 
 
@@ -30,7 +24,7 @@ def test_it_keeps_the_contract(check: Callable[[DistanceKernel], None]) -> None:
 
 def test_it_announces_what_it_can_do() -> None:
     kernel = NumbaKernel()
-    for ability in (PairKernel, BoundedKernel, GradientKernel, LowerBoundKernel):
+    for ability in (PairKernel, SearchKernel, GradientKernel):
         assert isinstance(kernel, ability)
     assert not isinstance(kernel, ApproximateKernel)
 

@@ -14,7 +14,7 @@ import numpy as np
 from gesture_core.dtw.lanes import LaneKernel, Lanes
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
-from gesture_core.plugin.interfaces import ApproximateKernel
+from gesture_core.plugin.abilities import ApproximateKernel
 
 
 @dataclass(frozen=True)

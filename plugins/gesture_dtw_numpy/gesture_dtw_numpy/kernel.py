@@ -8,7 +8,7 @@ import numpy as np
 
 from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.plugin.interfaces import SubsequenceKernel
+from gesture_core.plugin.abilities import SubsequenceKernel
 from gesture_dtw_numpy.gradient import lane_gradients
 from gesture_dtw_numpy.subsequences import NumpySubsequences
 

@@ -11,7 +11,8 @@ from gesture_dtw_numpy.kernel import NumpyKernel
 
 from gesture_core.dtw.spec import BandMask, DtwSpec
 from gesture_core.errors import ConfigError
-from gesture_core.plugin.interfaces import ApproximateKernel, DistanceKernel, GradientKernel, PairKernel
+from gesture_core.plugin.abilities import ApproximateKernel, GradientKernel, PairKernel
+from gesture_core.plugin.interfaces import DistanceKernel
 from gesture_core.testing import KERNEL_CHECKS, draw_batch
 
 

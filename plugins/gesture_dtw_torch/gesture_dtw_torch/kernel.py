@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
-from gesture_core.plugin.interfaces import DeviceKernel
+from gesture_core.plugin.abilities import DeviceKernel
 from gesture_dtw_torch.diagonals import Band, eager_step, hard_diagonals, soft_diagonals
 from gesture_dtw_torch.soft import soft_lanes
 

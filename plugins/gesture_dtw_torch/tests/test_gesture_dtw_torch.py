@@ -10,12 +10,8 @@ pytest.importorskip("torch")
 
 from gesture_dtw_torch.kernel import TorchKernel
 
-from gesture_core.plugin.interfaces import (
-    ApproximateKernel,
-    DeviceKernel,
-    DistanceKernel,
-    GradientKernel,
-)
+from gesture_core.plugin.abilities import ApproximateKernel, DeviceKernel, GradientKernel
+from gesture_core.plugin.interfaces import DistanceKernel
 from gesture_core.testing import KERNEL_CHECKS
 
 

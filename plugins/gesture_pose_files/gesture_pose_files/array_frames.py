@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,10 @@ from gesture_core.files import printable
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.files import open_keypoints
-from gesture_pose_files.layout import check_seconds, sequence
+from gesture_pose_files.layout import sequence
 from gesture_pose_files.npy import MAX_FILE_BYTES, read_array, read_header
 from gesture_pose_files.numbering import clip_in, clips_in, some_files
+from gesture_pose_files.reader import with_lost
 from gesture_pose_files.whole_body import is_one_frame, people_in
 
 _LOOKED_AT = 3
@@ -64,20 +65,12 @@ class ArrayFramesReader:
         source = printable(path) + (f"::{member}" if member else "")
         clip = clip_in(path, member, ".npy", "0.npy, 1.npy, …")
         numbers = np.array([number for number, _ in clip], np.float64)
-        check_seconds(
-            numbers / self.options.rate,
-            source,
-            remedy="frame numbers that count frames, or --set keypoints.fps=…",
-        )
         frames, lost = _frames([file for _, file in clip])
         (array, *_), notes = people_in(frames, self.options, source)
         one = sequence(
             array, self.options, source=source, reader="array-frames", numbers=numbers, notes=notes
         )
-        if not lost:
-            return [one]
-        cause = f"{len(lost)} of {len(numbers)} frames cannot be read: {lost[0].subject}: {lost[0].cause}"
-        return [replace(one, provenance={**one.provenance, "lost": cause})]
+        return [with_lost(one, lost)]
 
 
 def _frames(files: list[Path]) -> tuple[np.ndarray, list[KeypointError]]:

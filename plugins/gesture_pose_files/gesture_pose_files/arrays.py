@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +14,11 @@ from gesture_core.files import printable
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import Skeleton
 from gesture_core.types import PoseSequence
-from gesture_pose_files.files import check_people, head_of, open_keypoints
-from gesture_pose_files.layout import check_seconds, sequence, skeleton_called
-from gesture_pose_files.named import best
+from gesture_pose_files.files import head_of, open_keypoints
+from gesture_pose_files.layout import sequence, skeleton_called
 from gesture_pose_files.npy import MAX_FILE_BYTES, read_array, read_header
 from gesture_pose_files.npz import Members, array_in, members_of, opened, shape_of
+from gesture_pose_files.reader import Reader, clip_called
 from gesture_pose_files.whole_body import is_known, is_one_frame, people_in
 
 _PICKLES = (".pkl", ".pickle", ".joblib")
@@ -34,8 +34,7 @@ _SCORES = (
 _HAND_AND_FACE = (21, 68, 70, 468, 478)
 
 
-@dataclass(frozen=True)
-class ArrayReader:
+class ArrayReader(Reader):
     """Reads keypoint arrays.
 
     - ``.npy``: (T, J, 2|3|4) or (T, 2J|3J|4J); J of 15 (MPI), 17 (COCO), 18 (OpenPose COCO), 25
@@ -45,19 +44,8 @@ class ArrayReader:
     - ``.npz`` with one array of a body beside arrays of scores, hands, face or boxes.
     - ``.npz`` with one such array for each sequence, its key the sequence's name.
 
-    Attributes
-    ----------
-    options : ReadOptions
-        What files leave open. Our own archives name their joints, and say x first.
-    people : "single" or "multi"
-        Of an array with people: the one with the highest scores, or each.
+    Our own archives name their joints, and say x first.
     """
-
-    options: ReadOptions = field(default_factory=ReadOptions)
-    people: str = "single"
-
-    def __post_init__(self) -> None:
-        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is called ``.npy`` or ``.npz`` and begins like one; one frame is no sequence."""
@@ -121,15 +109,7 @@ class ArrayReader:
         if member in keys:
             return self._sequences(array_in(archive, keys[member], source), options, source)
         names = _sequence_names(_shapes(archive, keys, path), options) if not member else []
-        if len(names) != 1:
-            shown = ", ".join(list(keys)[:5]) + (", …" if len(keys) > 5 else "")
-            raise KeypointError(
-                f"holds {len(keys)} arrays, and {member!r} is none of them",
-                subject=printable(path),
-                remedy=f"one of {shown}" if keys else "arrays of keypoints",
-                code="E_KEYPOINTS_MEMBER",
-            )
-        (name,) = names
+        name = clip_called(member, {name: name for name in names}, path, "arrays of keypoints")
         points = array_in(archive, keys[name], source)
         if scores := next((key for key in _SCORES if key in keys and key != name), ""):
             points = _with_scores(points, array_in(archive, keys[scores], source), source)
@@ -140,8 +120,6 @@ class ArrayReader:
                 subject=source,
                 code="E_KEYPOINTS_SHAPE",
             )
-        if times is not None:
-            check_seconds(times, source)
         body: Skeleton | None = None
         if "skeleton" in keys:
             text = array_in(archive, keys["skeleton"], source, kinds="U")
@@ -185,7 +163,7 @@ class ArrayReader:
             )
             for one in people
         ]
-        return found if len(found) == 1 else best(found, self.people)
+        return found if len(found) == 1 else self.best(found, source)
 
 
 _RATES = ("fps", "frame_rate", "framerate")

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_core.plugin.interfaces import Person
 from gesture_core.plugin.reading import ReadOptions
-from gesture_core.types import PoseSequence
+from gesture_core.types import Person, PoseSequence
 from gesture_pose_files.files import MAX_FRAMES
 from gesture_pose_files.json_people import Found
-from gesture_pose_files.layout import BY_COUNT, are_shares, check_seconds, sequence
+from gesture_pose_files.layout import BY_COUNT, are_shares, sequence
 from gesture_pose_files.people import tracks
+from gesture_pose_files.reader import with_lost
 from gesture_pose_files.scores import in_unit
 
 # A frame with other joints than most is damaged; where more than this share is, the clip is two clips.
@@ -95,11 +95,6 @@ class Clip:
             raise self.lost[0]
         joints = self._one_layout()
         numbers = np.array(self.numbers, np.float64)
-        check_seconds(
-            numbers / options.rate,
-            self.source,
-            remedy="frame numbers that count frames, or --set keypoints.fps=…",
-        )
         notes = sorted({note for frame in self.frames for note in frame.notes})
         every = [one for frame in self.frames for one in frame.people]
         shares = False
@@ -129,11 +124,7 @@ class Clip:
             )
             for person, (points, scores) in enumerate(tracks(frames, joints, people, identities))
         ]
-        if self.lost:
-            first = f"{self.lost[0].subject}: {self.lost[0].cause}"
-            lost = f"{len(self.lost)} of {len(self.frames)} frames cannot be read: {first}"
-            found = [replace(one, provenance={**one.provenance, "lost": lost}) for one in found]
-        return found
+        return [with_lost(one, self.lost) for one in found]
 
     def _one_layout(self) -> int:
         """The number of joints of nearly all frames; the others count as lost."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from io import BytesIO
 from itertools import chain
@@ -14,24 +13,23 @@ import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
-from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.columns import Columns, body_of_rows, columns_of, missing_note, unused_note
-from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, check_people, head_of, open_keypoints
-from gesture_pose_files.layout import check_seconds, flat_widths, sequence
+from gesture_pose_files.deeplabcut import is_deeplabcut
+from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, head_of, open_keypoints
+from gesture_pose_files.layout import flat_widths, sequence
 from gesture_pose_files.ordering import Rows, by_joint, by_person, frame_numbers, in_order
 from gesture_pose_files.people import tracks
-from gesture_pose_files.table import number_in, numbers_of, rows_of, split_header
+from gesture_pose_files.reader import OneClipReader
+from gesture_pose_files.table import MAX_LINE, SUFFIXES, number_in, numbers_of, rows_of, split_header
 
-_HEAD_BYTES = 1 << 16
-_SUFFIXES = (".csv", ".tsv")
+_HEAD_BYTES = MAX_LINE
 _MAX_JOINT_ROWS = 8 * MAX_FRAMES
 _SHOWN = 100
-_DEEPLABCUT = (b"scorer,", b"bodyparts,")
+_Person = tuple[np.ndarray, np.ndarray | None, Rows, list[str]]
 
 
-@dataclass(frozen=True)
-class CsvReader:
+class CsvReader(OneClipReader):
     """Reads keypoint tables, separated by commas, semicolons or tabs.
 
     - Without names: one row a frame, 2, 3 or 4 values for each joint; 36 columns are x, y in OpenPose's
@@ -39,27 +37,14 @@ class CsvReader:
     - With names: two columns or more for each joint, such as ``nose_x``, ``nose_y``, ``nose_score``; or a
       column that names the joint of each row, with ``x`` and ``y``. Perhaps columns for the time in
       seconds or the frame, and for the person. What else there is, is named in a note.
-
-    Attributes
-    ----------
-    options : ReadOptions
-        What tables leave open; a header says which column is x, and perhaps the joints.
-    people : "single" or "multi"
-        The person whose scores sum to the most, or everybody.
     """
-
-    options: ReadOptions = field(default_factory=ReadOptions)
-    people: str = "single"
-
-    def __post_init__(self) -> None:
-        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether a ``.csv`` or ``.tsv`` begins with a row of keypoints, or with names of joints."""
-        if path.suffix.lower() not in _SUFFIXES:
+        if path.suffix.lower() not in SUFFIXES:
             return False
         head = head_of(path, _HEAD_BYTES)
-        if head.removeprefix(b"\xef\xbb\xbf").lower().startswith(_DEEPLABCUT):
+        if is_deeplabcut(head):
             return False  # it has a reader of its own
         if len(head) == _HEAD_BYTES:
             head = head[: head.rfind(b"\n") + 1] or head
@@ -79,23 +64,8 @@ class CsvReader:
             return "it is empty"
         return f"its header {_quoted(header)} names no joints, and is no row of keypoints"
 
-    def members(self, path: Path) -> list[str]:
-        """``[""]``: a table is one sequence."""
-        return [""]
-
-    def read(self, path: Path, member: str = "") -> list[PoseSequence]:
-        """The people in the table.
-
-        Raises
-        ------
-        KeypointError
-            `E_KEYPOINTS_FORMAT` for a CSV file that is no keypoint table, `E_KEYPOINTS_SKELETON`,
-            `E_KEYPOINTS_VALUE`, `E_KEYPOINTS_TIMES`, `E_KEYPOINTS_LIMIT`, and those of
-            `files.open_keypoints`.
-        """
-        source = printable(path)
-        if member:
-            raise KeypointError(f"has no member {member!r}", subject=source, code="E_KEYPOINTS_MEMBER")
+    def sequences(self, path: Path, source: str) -> list[PoseSequence]:
+        """The people in the table."""
         with open_keypoints(path, MAX_CSV_BYTES) as file:
             names, rows, columns = self._opened(file, source)
             first = next(rows, None)
@@ -150,8 +120,6 @@ class CsvReader:
             return None if column is None else [cells[rest.index(column)].strip() for cells in texts]
 
         times = None if columns.time is None else table[:, columns.time] * columns.tick
-        if times is not None:
-            check_seconds(times, source)
         frames = text_of(columns.frame)
         every = Rows(
             np.stack([_take(table, c) for c in (columns.x, columns.y, columns.score)], axis=2),
@@ -168,54 +136,38 @@ class CsvReader:
             named = not labels[0].isdigit()
             groups = [by_joint(one, labels, where, len(body.joints), source) for one in groups]
         notes = [*unused_note(columns.unused), *missing_note(body if named else None), *notes]
-        found = [person for one in groups for person in self._people(one, len(body.joints), source)]
-        if self.people == "single" and len(found) > 1:
-            best = max(found, key=lambda person: person.weight)
-            found = [best]
-            name = f", {best.rows.name}" if best.rows.name else ""
-            notes.append(f"1 of {len(groups)} people taken{name}: the scores sum to the most")
-        return [
-            sequence(
-                one.points,
-                self.options,
-                source=source,
-                reader="csv",
-                scores=one.scores,
-                times=one.rows.times,
-                numbers=one.rows.numbers,
-                body=body if named else None,
-                axes="xy",
-                person=number,
-                notes=[*notes, *one.notes],
-            )
-            for number, one in enumerate(found)
-        ]
+        found, names = [], []
+        for one in groups:
+            for points, scores, mine, own in self._people(one, len(body.joints), source):
+                names.append(mine.name)
+                found.append(
+                    sequence(
+                        points,
+                        self.options,
+                        source=source,
+                        reader="csv",
+                        scores=scores,
+                        times=mine.times,
+                        numbers=mine.numbers,
+                        clock=every.numbers if times is None else times,
+                        body=body if named else None,
+                        axes="xy",
+                        notes=[*notes, *own],
+                    )
+                )
+        return self.best(found, source, names)
 
-    def _people(self, rows: Rows, joints: int, source: str) -> list[_Person]:
+    def _people(self, rows: Rows, joints: int, source: str) -> Iterator[_Person]:
         """One person, or several whom only their place tells apart."""
         rows, notes = in_order(rows, source)
         if not rows.several:
-            return [_Person(rows.points, rows.scores, rows, notes)]
+            yield rows.points, rows.scores, rows, notes
+            return
         frames, first = rows.frames()
-        found = tracks(frames, joints, self.people)
         most = max(len(frame) for frame in frames)
         notes.append(f"up to {most} people in a frame told apart by their place, as no column does")
-        return [_Person(points, scores, first, notes) for points, scores in found]
-
-
-@dataclass(frozen=True, eq=False)
-class _Person:
-    points: np.ndarray
-    scores: np.ndarray | None
-    rows: Rows
-    notes: list[str]
-
-    @property
-    def weight(self) -> float:
-        """The sum of the scores, or the number of joints that are there."""
-        if self.scores is None:
-            return float(np.isfinite(self.points).all(axis=2).sum())
-        return float(np.nansum(self.scores))
+        for points, scores in tracks(frames, joints, self.people):
+            yield points, scores, first, notes
 
 
 def _no_table(cells: Sequence[str], source: str) -> KeypointError:

@@ -60,9 +60,3 @@ def head_of(path: Path, count: int) -> bytes:
         raise KeypointError(
             f"cannot be read: {error.strerror}", subject=printable(path), code="E_KEYPOINTS_UNREADABLE"
         ) from error
-
-
-def check_people(people: str) -> None:
-    """Refuse what no reader can honour."""
-    if people not in ("single", "multi"):
-        raise ValueError(f"people is {people!r}, it must be 'single' or 'multi'")

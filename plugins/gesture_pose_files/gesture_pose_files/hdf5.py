@@ -6,7 +6,6 @@ import io
 import pickle
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -14,14 +13,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_core.files import printable
-from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
-from gesture_pose_files.deeplabcut import sequences
-from gesture_pose_files.files import COPY_AGAIN, MAX_ARRAY_BYTES, check_people, head_of, open_keypoints
-from gesture_pose_files.layout import sequence
-from gesture_pose_files.named import best, joints_among, seen_or_nan
-from gesture_pose_files.scores import in_unit
+from gesture_pose_files.deeplabcut import Column, individuals
+from gesture_pose_files.files import COPY_AGAIN, MAX_ARRAY_BYTES, head_of, open_keypoints
+from gesture_pose_files.named import joints_among, people_of
+from gesture_pose_files.reader import OneClipReader
 
 if TYPE_CHECKING:
     import h5py
@@ -32,26 +28,13 @@ _MAX_FILE_BYTES = 2 << 30
 _MAX_LABELS = 1 << 16
 
 
-@dataclass(frozen=True)
-class Hdf5Reader:
+class Hdf5Reader(OneClipReader):
     """Reads ``.h5`` of SLEAP (*export analysis HDF5*) and of DeepLabCut.
 
     Nothing in the file leads out of it: links to other files and virtual datasets are refused. The names of
-    DeepLabCut's columns are pickled; they are read as lists, tuples and text, and as nothing else.
-
-    Attributes
-    ----------
-    options : ReadOptions
-        What the files leave open; ``order`` where body parts have names of their own.
-    people : "single" or "multi"
-        The track or individual with the highest scores, or each.
+    DeepLabCut's columns are pickled; they are read as lists, tuples and text, and as nothing else. The option
+    ``order`` is for body parts that have names of their own.
     """
-
-    options: ReadOptions = field(default_factory=ReadOptions)
-    people: str = "single"
-
-    def __post_init__(self) -> None:
-        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is called ``.h5`` and is HDF5."""
@@ -61,30 +44,17 @@ class Hdf5Reader:
         """That it is no HDF5."""
         return f"it is no HDF5, it begins with {head_of(path, 8)!r}"
 
-    def members(self, path: Path) -> list[str]:
-        """``[""]``: a file is one sequence."""
-        return [""]
-
-    def read(self, path: Path, member: str = "") -> list[PoseSequence]:
-        """The tracks or individuals in the file.
-
-        Raises
-        ------
-        KeypointError
-            `E_KEYPOINTS_FORMAT`, `E_KEYPOINTS_BROKEN`, `E_KEYPOINTS_SKELETON`, `E_KEYPOINTS_LIMIT`, and
-            those of `files.open_keypoints`.
-        """
-        source = printable(path)
-        if member:
-            raise KeypointError(f"has no member {member!r}", subject=source, code="E_KEYPOINTS_MEMBER")
+    def sequences(self, path: Path, source: str) -> list[PoseSequence]:
+        """The tracks or individuals in the file."""
         with _opened(path, source) as file:
             names = list(file)
             if "tracks" in names and "node_names" in names:
-                return self._sleap(file, source)
+                return self.best(self._tracks(file, source), source)
             for name in names:
                 if "pandas_type" in _group(file, name, source).attrs:
                     columns, values, numbers = _pandas(_group(file, name, source), source)
-                    return sequences(columns, values, numbers, self.options, self.people, source, "hdf5")
+                    found = individuals(columns, values, numbers, self.options, source, "hdf5")
+                    return self.best(found, source)
         shown = ", ".join(map(repr, names[:6])) + (", …" if names[6:] else "")
         raise _refused(
             f"holds {shown or 'nothing'}: neither SLEAP's 'tracks' and 'node_names' nor DeepLabCut's table",
@@ -92,31 +62,12 @@ class Hdf5Reader:
             "in SLEAP: File, Export Analysis HDF5",
         )
 
-    def _sleap(self, file: h5py.File, source: str) -> list[PoseSequence]:
+    def _tracks(self, file: h5py.File, source: str) -> list[PoseSequence]:
+        """Those of SLEAP."""
         nodes = [_text(name) for name in _array(file, "node_names", source).reshape(-1)]
-        tracks = _array(file, "tracks", source)
-        tracks, scores = _frames_first(tracks, file, len(nodes), source)
+        points, scores = _frames_first(_array(file, "tracks", source), file, len(nodes), source)
         named = joints_among(nodes, self.options, source)
-        points = tracks[:, :, named.columns].astype(np.float64)
-        level, note = in_unit(np.where(np.isnan(scores), 0, scores)[:, :, named.columns], points, source)
-        found = []
-        for track in range(points.shape[0]):
-            flat, sure = seen_or_nan(points[track], level[track])
-            found.append(
-                sequence(
-                    flat,
-                    self.options,
-                    source=source,
-                    reader="hdf5",
-                    scores=sure,
-                    body=named.body,
-                    axes="xy",
-                    notes=[*named.notes, *([note] if note else [])],
-                )
-            )
-        if not found:
-            raise KeypointError("holds no track", subject=source, code="E_KEYPOINTS_EMPTY")
-        return best(found, self.people)
+        return people_of(named, points, scores, self.options, source=source, reader="hdf5")
 
 
 def _frames_first(
@@ -137,11 +88,8 @@ def _frames_first(
     return points, scores
 
 
-_Columns = list[tuple[str, str, str]]
-
-
-def _pandas(group: h5py.Group, source: str) -> tuple[_Columns, np.ndarray, list[int | None]]:
-    """Columns as (individual, body part, coordinate), (T, C) values, and numbers of the frames."""
+def _pandas(group: h5py.Group, source: str) -> tuple[list[Column], np.ndarray, list[int | None]]:
+    """The columns, (T, C) values, and numbers of the frames."""
     if "table" in group:  # written with format="table"
         table = _array(group, "table", source)
         if "values_block_0" not in (table.dtype.names or ()):

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_core.plugin.interfaces import Person
 from gesture_core.plugin.reading import ReadOptions
+from gesture_core.types import Person
 from gesture_pose_files.whole_body import body_of, known_counts
 
 _LARGEST = 1e7

@@ -63,6 +63,7 @@ def sequence(
     scores: np.ndarray | None = None,
     times: np.ndarray | None = None,
     numbers: np.ndarray | None = None,
+    clock: np.ndarray | None = None,
     body: Skeleton | None = None,
     axes: Axes | None = None,
     unit: Unit | None = None,
@@ -88,6 +89,8 @@ def sequence(
         Seconds; index over the rate where absent.
     numbers : (T,) array, optional
         Of the frames, where their times are these over the rate.
+    clock : array, optional
+        The same of all people, who come and go.
     body, axes, frame_size : optional
         What the file itself says of its joints, the order of coordinates, and the picture.
     unit : "pixels" or "shares", optional
@@ -119,10 +122,14 @@ def sequence(
         scores, note = in_unit(scores, np.where((scores > 0)[..., None], points, np.nan), source)
         notes = [*notes, note] if note else notes
     provenance = {"reader": reader}
+    remedy = "dividing milliseconds by 1000"
     if times is None:
         of_what = "index" if numbers is None else "frame numbers"
         times = (np.arange(len(points)) if numbers is None else numbers) / options.rate
+        clock = times if clock is None else clock / options.rate
+        remedy = "frame numbers that count frames, or --set keypoints.fps=…"
         provenance["times"] = f"{of_what} at {options.rate:g} frames/s"
+    _check_seconds(times if clock is None else clock, source, remedy)
     missing = _missing(points, scores, joints)
     points = np.where(missing[..., None], np.float32(np.nan), points)
     if said == "x-y":
@@ -152,7 +159,7 @@ def sequence(
     return PoseSequence(points, scores, times, joints.name, frame_size, person, source, provenance)
 
 
-def check_seconds(times: np.ndarray, source: str, *, remedy: str = "dividing milliseconds by 1000") -> None:
+def _check_seconds(times: np.ndarray, source: str, remedy: str) -> None:
     """Refuse times, in any order, that can be no seconds: E_KEYPOINTS_TIMES."""
     given = np.asarray(times, np.float64)
     steps = np.diff(np.unique(given[np.isfinite(given)]))

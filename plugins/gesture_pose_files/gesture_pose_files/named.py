@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from gesture_core.joint_names import joint_named
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import Skeleton, skeleton_of
 from gesture_core.types import PoseSequence
+from gesture_pose_files.layout import sequence
+from gesture_pose_files.scores import in_unit
 
 _SHOWN = 8
 
@@ -64,21 +67,48 @@ def joints_among(names: Sequence[str], options: ReadOptions, source: str) -> Nam
     return Named(body, list(found.values()), notes)
 
 
-def best(found: Sequence[PoseSequence], people: str) -> list[PoseSequence]:
-    """Everybody who is ever seen, or of several the person with the highest scores, with a note."""
-    seen = [one for one in found if one.frames_with_pose] or list(found[:1])
-    if people == "multi" or len(seen) < 2:
-        return [replace(one, person=number) for number, one in enumerate(seen)]
-    chosen = max(seen, key=lambda one: float(one.scores.sum()))
-    notes = [note for note in (chosen.provenance.get("notes"),) if note]
-    notes.append(f"the best of {len(seen)} people or tracks")
-    return [replace(chosen, person=0, provenance={**chosen.provenance, "notes": "; ".join(notes)})]
+def people_of(
+    named: Named,
+    points: np.ndarray,
+    scores: np.ndarray | None,
+    options: ReadOptions,
+    *,
+    source: str,
+    notes: Sequence[str] = (),
+    **said: Any,
+) -> list[PoseSequence]:
+    """Each of P people whose joints a file names.
 
-
-def seen_or_nan(points: np.ndarray, scores: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points and scores, NaN and zero in joints whose coordinates or score are missing."""
-    missing = ~np.isfinite(points).all(axis=-1) | ~(scores > 0)
-    return np.where(missing[..., None], np.nan, points), np.where(missing, 0, scores)
+    Parameters
+    ----------
+    named : Named
+    points : (P, T, N, 2) array
+        x and y of all N names of the file, NaN where missing.
+    scores : (P, T, N) array or None
+    options : ReadOptions
+    source : str
+    notes : sequence of str
+    said
+        What else the file says, as `layout.sequence` takes it.
+    """
+    points = points[:, :, named.columns].astype(np.float64)
+    sure = np.ones(points.shape[:3]) if scores is None else np.nan_to_num(scores[:, :, named.columns])
+    sure, note = in_unit(sure, points, source)  # of all people alike
+    missing = ~np.isfinite(points).all(axis=-1) | ~(sure > 0)
+    notes = [*named.notes, *notes, *([note] if note else [])]
+    return [
+        sequence(
+            np.where(missing[person][..., None], np.nan, points[person]),
+            options,
+            source=source,
+            scores=np.where(missing[person], 0, sure[person]),
+            body=named.body,
+            axes="xy",
+            notes=notes,
+            **said,
+        )
+        for person in range(len(points))
+    ]
 
 
 def _some(names: Sequence[str]) -> str:

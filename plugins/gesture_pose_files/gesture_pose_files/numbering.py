@@ -11,6 +11,7 @@ from pathlib import Path
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
 from gesture_pose_files.files import MAX_FRAMES
+from gesture_pose_files.reader import clip_called
 
 # At most 18 digits: time stamps in nanoseconds fit, and so does the number into 64 bits.
 _NUMBERED = re.compile(r"(.*?)(\d{1,18})(?:[_\-. ]?(?:keypoints|pose|poses|skeleton))?", re.DOTALL)
@@ -85,17 +86,7 @@ def clip_in(folder: Path, member: str, suffix: str, expected: str) -> list[tuple
             remedy=expected,
             code="E_KEYPOINTS_EMPTY",
         )
-    if not member and len(found) == 1:
-        return next(iter(found.values()))
-    if member not in found:
-        names = ", ".join(list(found)[:5]) + (", …" if len(found) > 5 else "")
-        raise KeypointError(
-            f"holds {len(found)} sequences, and {member!r} is none of them",
-            subject=printable(folder),
-            remedy=f"one of {names}",
-            code="E_KEYPOINTS_MEMBER",
-        )
-    return found[member]
+    return clip_called(member, found, folder)
 
 
 def _files(folder: Path, suffix: str) -> Iterator[tuple[str, int, Path]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from gesture_core.errors import KeypointError
@@ -10,13 +9,11 @@ from gesture_core.files import printable
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.clip import Clip
-from gesture_pose_files.files import (
-    MAX_JSON_BYTES,
-    check_people,
-)
+from gesture_pose_files.files import MAX_JSON_BYTES
 from gesture_pose_files.json_people import Found, people_in
 from gesture_pose_files.json_text import kind_of, load
 from gesture_pose_files.numbering import clip_in, clips_in, some_files
+from gesture_pose_files.reader import Reader
 
 _LOOKED_AT = 3
 # Of OpenPose's own networks; of 17, 26 and 133 joints in its frame, the order is what other tools use.
@@ -24,28 +21,17 @@ _SAID = (15, 18, 25)
 _EXPECTED = "frames such as wave_000000000000_keypoints.json or 0001.json, each with a list 'people'"
 
 
-@dataclass(frozen=True)
-class OpenPoseJsonReader:
+class OpenPoseJsonReader(Reader):
     """Reads a folder of OpenPose JSON; frames of several videos may lie in one folder.
 
     A frame's number is the last one in its file's name, however it is padded; what comes before it tells
     videos apart. Files that cannot be read cost their frame. A single JSON file is one frame, not a
     sequence: give the folder. AlphaPose's ``sep-json`` and the frames of MMPose are read as well.
 
-    Attributes
-    ----------
-    options : ReadOptions
-        What the files leave open. A frame's time is its number over the rate, so that frames that were left
-        out stay gaps in time. Shares (OpenPose's ``--keypoint_scale 3`` and ``4``) are told from pixels.
-    people : "single" or "multi"
-        One sequence with the most persistent person, or one for each person.
+    A frame's time is its number over the rate, so that frames that were left out stay gaps in time. Shares
+    (OpenPose's ``--keypoint_scale 3`` and ``4``) are told from pixels. Of several people the most persistent
+    one is used, or each.
     """
-
-    options: ReadOptions = field(default_factory=ReadOptions)
-    people: str = "single"
-
-    def __post_init__(self) -> None:
-        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is a folder that holds a numbered JSON file that looks like a frame."""
@@ -63,14 +49,7 @@ class OpenPoseJsonReader:
         return names if len(names) > 1 else [""]
 
     def read(self, path: Path, member: str = "") -> list[PoseSequence]:
-        """The people of one sequence.
-
-        Parameters
-        ----------
-        path : Path
-            The folder.
-        member : str
-            Name of the sequence; may be empty where the folder holds one.
+        """The people of one sequence, which may be left unnamed where the folder holds one.
 
         Raises
         ------

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_core.plugin.interfaces import Person
+from gesture_core.types import Person
 from gesture_pose_files.table import number_in
 
 # Rows of one time that lie further apart, in sizes of the body, are those of several people.

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gesture_core.plugin.interfaces import Person
 from gesture_core.pose import Tracker
+from gesture_core.types import Person
 
 # Joining people over frames is quadratic in them; those with the lowest scores are left out beyond this.
 MAX_PEOPLE = 32

@@ -14,10 +14,11 @@ from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import skeleton_of
 from gesture_core.types import PoseSequence
 from gesture_pose_files.clip import Clip
-from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES, check_people
+from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES
 from gesture_pose_files.json_people import Found, is_frame, people_in
 from gesture_pose_files.json_text import described, kind_of, load
 from gesture_pose_files.numbering import number_in
+from gesture_pose_files.reader import Reader, clip_called
 from gesture_pose_files.whole_body import BODY_OF
 
 KNOWN = (
@@ -26,8 +27,7 @@ KNOWN = (
 )
 
 
-@dataclass(frozen=True)
-class ResultListReader:
+class ResultListReader(Reader):
     """Reads lists of detected people, grouped by image or frame.
 
     - AlphaPose: its own list, and the forms ``open`` and ``cmu``, objects of image names.
@@ -35,22 +35,10 @@ class ResultListReader:
     - MMPose: ``predictions`` of a video, with or without ``meta_info``.
 
     Images are put in the order of the last number in their names; what comes before it tells clips apart.
-    These formats leave out images without people: numbers that are missing count as such.
-
-    Attributes
-    ----------
-    options : ReadOptions
-        What the file leaves open; a frame's time is its number over the rate.
-    people : "single" or "multi"
-        The person with the highest scores, or everybody; told apart by ``idx`` or ``track_id`` where
-        everybody has one, by place otherwise.
+    These formats leave out images without people: numbers that are missing count as such. A frame's time is
+    its number over the rate. People are told apart by ``idx`` or ``track_id`` where everybody has one, by
+    place otherwise.
     """
-
-    options: ReadOptions = field(default_factory=ReadOptions)
-    people: str = "single"
-
-    def __post_init__(self) -> None:
-        check_people(self.people)
 
     def accepts(self, path: Path) -> bool:
         """Whether a ``.json`` file begins like one of the known lists."""
@@ -78,18 +66,7 @@ class ResultListReader:
         found = _clips(tree, printable(path))
         if not found and not member:
             return []
-        if not member and len(found) == 1:
-            (images,) = found.values()
-        elif member in found:
-            images = found[member]
-        else:
-            names = ", ".join(list(found)[:5]) + (", …" if len(found) > 5 else "")
-            raise KeypointError(
-                f"holds {len(found)} clips, and {member!r} is none of them",
-                subject=printable(path),
-                remedy=f"one of {names}",
-                code="E_KEYPOINTS_MEMBER",
-            )
+        images = clip_called(member, found, path)
         source = printable(path) + (f"::{member}" if member else "")
         options = _with_order(tree, self.options)
         clip = Clip(source, "result-list")

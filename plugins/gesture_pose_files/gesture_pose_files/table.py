@@ -12,16 +12,20 @@ import numpy as np
 from gesture_core.errors import KeypointError
 from gesture_pose_files.files import MAX_FRAMES
 
-MAX_LINE = 1 << 16
+MAX_LINE = 1 << 20
+SUFFIXES = (".csv", ".tsv")
+"""Of the tables that readers of this plugin take."""
 _MOST_HEADS = 4
 _FEWEST = 20  # columns of a bare table
 _MISSING = frozenset(("", "nan", "-nan", "none", "null", "na", "n/a", "#n/a", "<na>", "nil", "-", "--", "."))
 _MAX_ROWS = MAX_FRAMES * 64
 
 
-def rows_of(file: IO[bytes], source: str) -> Iterator[list[str]]:
-    """The cells of each line that is not blank; memory holds one line at a time."""
-    mark = ""
+def rows_of(file: IO[bytes], source: str, mark: str = "") -> Iterator[list[str]]:
+    """The cells of each line that is not blank, separated by ``mark``, or by what the first one shows.
+
+    Memory holds one line at a time.
+    """
     for number in range(1, _MAX_ROWS):
         line = file.readline(MAX_LINE + 1)
         if not line:

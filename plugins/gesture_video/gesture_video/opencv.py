@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from gesture_core.errors import MediaError
-from gesture_core.plugin.interfaces import VideoInfo, VideoLimits
+from gesture_core.records import VideoInfo, VideoLimits
 from gesture_core.video import CONTAINERS, UNTIMED, Integrity, VideoDecoder
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, BinaryIO, NoReturn, cast
 import numpy as np
 
 from gesture_core.errors import MissingDependencyError
-from gesture_core.plugin.interfaces import VideoInfo, VideoLimits
+from gesture_core.records import VideoInfo, VideoLimits
 from gesture_core.video import UNTIMED, Integrity, LazyPicture, VideoDecoder
 from gesture_video.decoder_log import DecoderLog, errors_are_logged
 from gesture_video.streams import Lengths, choose_stream, count_packets, tagged_frames

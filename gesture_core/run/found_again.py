@@ -1,0 +1,62 @@
+"""The inputs of a run, found again where it left them, each by itself: what is gone costs itself only."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+
+from gesture_core.errors import GestureError, InputError
+from gesture_core.files import printable
+from gesture_core.records import Job
+from gesture_core.run.inputs import Input, discover
+from gesture_core.run.workers.engines import Assistant
+from gesture_core.settings import Settings
+
+
+def path_of(name: str, place: str) -> Path:
+    """Where an input is: at its place, or, after a move, where its name leads from here."""
+    typed = Path(name.partition("::")[0])
+    return typed if not place or (typed.exists() and not Path(place).exists()) else Path(place)
+
+
+def spelled(path: Path, member: str) -> str:
+    """The same for all spellings of an input."""
+    return f"{path.resolve()}::{member}"
+
+
+def find_inputs(
+    places: Mapping[str, str | os.PathLike[str] | None], settings: Settings
+) -> dict[str, Input | GestureError]:
+    """The input of each name, or why there is none.
+
+    Parameters
+    ----------
+    places : mapping
+        Absolute paths by the names of inputs, as the run knows them; None where it does not.
+    settings : Settings
+        Of the run.
+    """
+    found: dict[str, Input | GestureError] = {}
+    looked: dict[Path, list[Input]] = {}
+    with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        for name, place in places.items():
+            path, member = path_of(name, os.fspath(place or "")), name.partition("::")[2]
+            try:
+                if path not in looked:
+                    looked[path] = discover([path], assistant=assistant)
+                found[name] = next(
+                    item
+                    for item in looked[path]
+                    if spelled(item.path, printable(item.member)) == spelled(path, member)
+                )
+            except (GestureError, StopIteration):
+                found[name] = InputError(
+                    "is not where the run found it",
+                    subject=name,
+                    remedy="to put it back",
+                    code="E_NOT_FOUND",
+                )
+    return found

@@ -1,0 +1,128 @@
+"""Writes H.264 videos with the frames' own times."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from gesture_core.errors import MediaError
+from gesture_core.files import replacing
+
+if TYPE_CHECKING:
+    from av import AudioFrame
+    from av.audio.stream import AudioStream
+    from av.video.stream import VideoStream
+
+_CLOCK = 90_000
+"""Ticks in a second of the video, so that real time stamps are kept."""
+
+
+def can_write_video() -> bool:
+    """Whether PyAV, which writes H.264, is installed."""
+    return importlib.util.find_spec("av") is not None
+
+
+class VideoWriter:
+    """An H.264 video to be written: a context manager. The file appears once it is complete.
+
+    Parameters
+    ----------
+    path : path
+        ``.mp4``.
+    quality : int
+        x264's rate factor: 0 without loss, 51 worst.
+    sound : iterable of AudioFrame, optional
+        Encoded as AAC after the last picture.
+    rate : int
+        Samples a second of ``sound``.
+
+    Raises
+    ------
+    MediaError
+        ``E_MEDIA_WRITE`` where PyAV cannot write it, or there is no frame.
+    """
+
+    def __init__(
+        self, path: Path, *, quality: int = 23, sound: Iterable[AudioFrame] | None = None, rate: int = 48_000
+    ) -> None:
+        self.count = 0
+        self._path, self._quality, self._sound, self._rate = path, quality, sound, rate
+        self._last = -1
+        self._stream: VideoStream | None = None
+        self._audio: AudioStream | None = None
+        self._resources = ExitStack()
+
+    def __enter__(self) -> Self:
+        import av
+
+        with ExitStack() as opened, self._failures():
+            part = opened.enter_context(replacing(self._path))
+            self._container = opened.enter_context(
+                av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"})
+            )
+            if self._sound is not None:
+                self._audio = self._container.add_stream("aac", rate=self._rate)
+            self._resources = opened.pop_all()
+        return self
+
+    def add(self, time: float, frame: np.ndarray) -> None:
+        """Append a frame, (H, W, 3) uint8 in BGR, all of one size, at its second.
+
+        An odd height or width loses its last line: H.264 stores colour for two by two pixels.
+        """
+        import av
+
+        even = np.ascontiguousarray(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
+        with self._failures():
+            if self._stream is None:
+                self._stream = self._container.add_stream(
+                    "libx264", rate=30, options={"crf": str(self._quality)}
+                )
+                self._stream.height, self._stream.width = even.shape[:2]
+                self._stream.pix_fmt = "yuv420p"
+                self._stream.time_base = self._stream.codec_context.time_base = Fraction(1, _CLOCK)
+            picture = av.VideoFrame.from_ndarray(even, format="bgr24")
+            self._last = max(self._last + 1, round(time * _CLOCK))
+            picture.pts, picture.time_base = self._last, Fraction(1, _CLOCK)
+            self._container.mux(self._stream.encode(picture))
+        self.count += 1
+
+    def __exit__(self, kind: type[BaseException] | None, *error: Any) -> None:
+        if kind is not None:
+            self._resources.__exit__(kind, *error)
+            return
+        with self._resources, self._failures():
+            if self._stream is None:
+                raise MediaError("no frame to write", subject=str(self._path), code="E_MEDIA_WRITE")
+            self._container.mux(self._stream.encode(None))
+            if self._audio is not None:
+                for samples in self._sound or ():
+                    self._container.mux(self._audio.encode(samples))
+                self._container.mux(self._audio.encode(None))
+
+    @contextmanager
+    def _failures(self) -> Iterator[None]:
+        import av
+
+        try:
+            yield
+        except av.FFmpegError as error:
+            raise MediaError(
+                f"cannot be written as H.264: {error}",
+                subject=str(self._path),
+                code="E_MEDIA_WRITE",
+            ) from error
+
+
+def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quality: int = 23) -> int:
+    """Write all of ``frames`` with a `VideoWriter`; their number."""
+    with VideoWriter(path, quality=quality) as writer:
+        for time, frame in frames:
+            writer.add(time, frame)
+    return writer.count
