@@ -14,7 +14,7 @@ from conftest import ROOT
 CORE = ROOT / "gesture_core"
 HEAVY = {"jax", "torch", "cv2", "onnxruntime", "numba", "pyarrow", "av", "sklearn", "matplotlib"}
 FLOORS = [
-    {"errors", "files", "cores", "__init__"},
+    {"errors", "files", "cores", "colours", "__init__"},
     {"skeletons", "joint_names"},
     {"dtw.spec"},
     {"records", "types", "plugin"},
@@ -117,7 +117,7 @@ PUBLIC_FOR = {
     },
     "gesture_pose_onnx": {"errors", "plugin.hooks", "pose"},
     "gesture_pose_opencv": {"errors", "plugin.hooks", "pose"},
-    "gesture_signals": {"errors", "plugin.hooks", "signals.body", "types"},
+    "gesture_signals": {"errors", "plugin.hooks", "skeletons", "types"},
     "gesture_video": {"errors", "plugin.hooks", "records", "video"},
 }
 """Modules below ``gesture_core`` from which a plugin may import what their ``__all__`` lists, or all where

@@ -258,7 +258,7 @@ def decide(
                 )
             message = (
                 f"{label}{rival} {by} {value:.4g}, below {limit:.4g}; "
-                f"try: more examples of both, or a lower classify.{name}"
+                f"try: more examples of both, or a lower --set classify.{name}=…"
             )
         predictions.append(
             Prediction(

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gesture_signals.shoulder import ShoulderNormalizer
+from gesture_signals.normalizers import ShoulderNormalizer
 
 from gesture_core import DtwSpec, PoseSequence, SignalBatch, Signals, hookimpl
 from gesture_core.plugin.hooks import Register

@@ -11,6 +11,7 @@ from streams import strung
 
 from gesture_core import classify_archive, evaluate_events, load_poses, spot_archive
 from gesture_core.demo.archive import DemoArchive
+from gesture_core.errors import PluginError
 from gesture_core.types import PoseSequence
 
 CHANGES: dict[str, Any] = {"spot__tempos": ()}
@@ -61,3 +62,28 @@ def test_classify_names_what_is_for_long_inputs(drawn: DemoArchive, recordings: 
         classify_archive(
             recordings / "six.npz", drawn.example_keypoints, tmp_path / "run", engine="inline", **CHANGES
         )
+
+
+def test_classify_names_it_before_a_long_video_is_looked_at(drawn: DemoArchive, tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    from gesture_core.run.extract import Listener
+    from gesture_core.video.writer import write_video
+
+    noise = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
+    write_video([(number / 5, np.roll(noise, number, 1)) for number in range(300)], tmp_path / "long.mp4")
+
+    class Stopped(Exception):
+        pass
+
+    class First(Listener):
+        def frames(self, name: str, count: int) -> None:
+            raise Stopped
+
+        def extracted(self, name: str, cached: bool) -> None:
+            raise Stopped
+
+    with (
+        pytest.warns(UserWarning, match="long.mp4 lasts 60 s.*gesture spot"),
+        pytest.raises(PluginError, match="Stopped"),
+    ):
+        classify_archive(tmp_path / "long.mp4", drawn.examples, tmp_path / "run", listener=First())

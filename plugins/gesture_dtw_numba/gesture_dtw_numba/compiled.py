@@ -6,7 +6,6 @@ import logging
 import os
 import zlib
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +18,8 @@ ROWS = 4
 """Rows of the table that one pass over the columns computes; the passes are written out."""
 
 
-@cache
-def sources() -> int:
-    """A checksum of the plugin's code."""
-    checksum = 0
-    for file in sorted(Path(__file__).parent.glob("*.py")):
-        checksum = zlib.crc32(file.read_bytes(), checksum)
-    return checksum
-
+_SOURCES = zlib.crc32(b"".join(file.read_bytes() for file in sorted(Path(__file__).parent.glob("*.py"))))
+"""A checksum of the plugin's code."""
 
 _numba: Any = config
 """Its settings, which its package declares while it is imported."""
@@ -41,7 +34,7 @@ def compiled(function: Callable[..., None], **more: Any) -> Callable[..., None]:
     be written, each process compiles for itself. No fast-math unless ``more`` asks for it: a value
     has the same bits on every path.
     """
-    function.__qualname__ = f"{function.__qualname__}_{sources():08x}"
+    function.__qualname__ = f"{function.__qualname__}_{_SOURCES:08x}"
     options = {"nogil": True, "error_model": "numpy", **more}
     own, before = os.environ.get("GESTURE_CACHE"), _numba.CACHE_DIR
     if own and not before and not os.access(Path(__file__).parent, os.W_OK):

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gesture_core.cores import usable_cores
-from gesture_core.dtw.bands import has_holes, is_banded
-from gesture_core.dtw.batches import lane_cost
+from gesture_core.dtw.bands import has_holes
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.plugin.abilities import GradientKernel, PairKernel, SearchKernel, SubsequenceKernel
 from gesture_core.types import SignalBatch
-from gesture_dtw_numba.bounds import keogh
-from gesture_dtw_numba.compiled import LANES, ROWS
+from gesture_dtw_numba.compiled import LANES, ROWS, compiled
 from gesture_dtw_numba.layout import Batch, Costs, Rule, aligned, make_bands, make_batch, make_scratch
 from gesture_dtw_numba.tile import groups
 
@@ -61,17 +59,7 @@ class NumbaKernel(PairKernel, SearchKernel, GradientKernel, SubsequenceKernel):
 
     def prepare(self, examples: SignalBatch, spec: DtwSpec) -> Prepared:
         """Turn the examples once."""
-        cost = lane_cost(spec)
-        rule = Rule(
-            spec.mode == "dependent",
-            is_banded(spec),
-            cost != "absolute",
-            cost == "euclidean",
-            spec.reduce == "mean",
-            spec.length_norm,
-            spec.root,
-        )
-        return Prepared(examples, make_batch(examples, spec), spec, rule)
+        return Prepared(examples, make_batch(examples, spec), spec, Rule.of(spec))
 
     def distances(self, state: Prepared, queries: SignalBatch) -> np.ndarray:
         """(Q, N) distances in the dtype of the batches; infinity where no dimension is shared."""
@@ -178,3 +166,25 @@ class NumbaKernel(PairKernel, SearchKernel, GradientKernel, SubsequenceKernel):
         with ThreadPoolExecutor(threads) as pool:
             for done in [pool.submit(compute, task) for task in tasks]:
                 done.result()
+
+
+def _keogh(query: Any, lower: Any, upper: Any, squared: Any, out: Any) -> None:
+    count, width, frames = lower.shape
+    for example in range(count):
+        for d in range(width):
+            low, high, x = lower[example, d], upper[example, d], query[d]
+            total = 0.0
+            if squared:
+                for i in range(frames):
+                    outside = max(max(x[i] - high[i], low[i] - x[i]), 0.0)
+                    total += outside * outside
+            else:
+                for i in range(frames):
+                    total += max(max(x[i] - high[i], low[i] - x[i]), 0.0)
+            out[example, d] = total
+
+
+keogh = compiled(_keogh, fastmath={"reassoc", "nnan", "nsz"})
+"""``keogh(query, lower, upper, squared, out)`` sets ``out`` (N, D) to the sums over frames of how far
+``query`` (D, n) lies outside ``lower`` and ``upper`` (N, D, n), squared where asked. All float64. The
+order of a sum is the compiler's choice: bounds have a margin for it."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gesture_core.dtw.bands import is_banded, row_spans
-from gesture_core.dtw.batches import FAR, UNREACHED, warping_dtype, weighted
+from gesture_core.dtw.batches import FAR, UNREACHED, lane_cost, warping_dtype, weighted
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.types import SignalBatch
 from gesture_dtw_numba.compiled import LANES, ROWS
@@ -40,6 +40,20 @@ class Rule(NamedTuple):
     mean: bool
     length_norm: bool
     root: bool
+
+    @classmethod
+    def of(cls, spec: DtwSpec) -> Rule:
+        """That of a specification."""
+        cost = lane_cost(spec)
+        return cls(
+            spec.mode == "dependent",
+            is_banded(spec),
+            cost != "absolute",
+            cost == "euclidean",
+            spec.reduce == "mean",
+            spec.length_norm,
+            spec.root,
+        )
 
 
 class Bands(NamedTuple):

@@ -16,6 +16,7 @@ from gesture_core.skeletons import Skeleton
 from gesture_core.types import PoseSequence
 from gesture_pose_files.files import head_of, open_keypoints
 from gesture_pose_files.layout import sequence, skeleton_called
+from gesture_pose_files.named import order_of
 from gesture_pose_files.npy import MAX_FILE_BYTES, read_array, read_header
 from gesture_pose_files.npz import Members, array_in, members_of, opened, shape_of
 from gesture_pose_files.reader import Reader, clip_called
@@ -30,6 +31,11 @@ _SCORES = (
     "scores", "score", "keypoint_scores", "keypoint_score", "keypoints_score", "confidence", "conf",
     "visibility", "pose_scores",
 )  # fmt: skip
+_RATES = ("fps", "frame_rate", "framerate")
+_TIMES = ("times", "timestamps", "timestamp", "time", "t")
+_NAMES = ("joint_names", "keypoint_names", "landmark_names", "node_names", "joints", "names")
+_PICTURES = {"frame_size": False, "img_shape": True, "original_shape": True, "image_shape": True}
+"""Whether the height stands first, as in MMPose's and OpenCV's shapes of images."""
 # Joints of a hand, and of a face as dlib, MediaPipe, and MediaPipe with irises have them.
 _HAND_AND_FACE = (21, 68, 70, 468, 478)
 
@@ -113,25 +119,20 @@ class ArrayReader(Reader):
         points = array_in(archive, keys[name], source)
         if scores := next((key for key in _SCORES if key in keys and key != name), ""):
             points = _with_scores(points, array_in(archive, keys[scores], source), source)
-        times = array_in(archive, keys["times"], source) if "times" in keys else None
-        if times is not None and times.shape != points.shape[:1]:
-            raise KeypointError(
-                f"times {times.shape} do not fit keypoints {points.shape}",
-                subject=source,
-                code="E_KEYPOINTS_SHAPE",
-            )
+        times, clock = _times(archive, keys, points.shape, source)
         body: Skeleton | None = None
         if "skeleton" in keys:
             text = array_in(archive, keys["skeleton"], source, kinds="U")
             body = skeleton_called(
                 str(text.reshape(-1)[0])[:_MAX_NAME_CHARS] if text.size == 1 else "?", source
             )
-        size = None
-        if "frame_size" in keys:
-            pair = array_in(archive, keys["frame_size"], source).reshape(-1)
-            if len(pair) == 2 and (pair >= 1).all() and (pair < 1 << 20).all():
-                size = (int(pair[0]), int(pair[1]))
-        used = {name, scores, "times", "skeleton", "frame_size", *_RATES}
+        joints: dict[str, tuple[str, ...]] = {}
+        if body is None and not options.order:
+            joints = _joints(archive, keys, points.shape, source)
+        for order in joints.values():
+            options = replace(options, order=order)
+        size, picture = _picture(archive, keys, source)
+        used = {name, scores, clock, "skeleton", picture, *joints, *_RATES}
         others = [key for key in keys if key not in used]
         more = ", …" if others[5:] else ""
         notes = (f"arrays that are not used: {', '.join(others[:5])}{more}",) if others else ()
@@ -166,9 +167,6 @@ class ArrayReader(Reader):
         return found if len(found) == 1 else self.best(found, source)
 
 
-_RATES = ("fps", "frame_rate", "framerate")
-
-
 def _with_rate(archive: zipfile.ZipFile, keys: Members, options: ReadOptions, source: str) -> ReadOptions:
     """The options with the rate that the archive itself says."""
     name = next((key for key in _RATES if key in keys), None)
@@ -177,6 +175,47 @@ def _with_rate(archive: zipfile.ZipFile, keys: Members, options: ReadOptions, so
     rate = array_in(archive, keys[name], source).reshape(-1)
     known = len(rate) == 1 and 0.001 <= rate[0] <= 100_000
     return replace(options, fps=float(rate[0])) if known else options
+
+
+def _times(
+    archive: zipfile.ZipFile, keys: Members, shape: tuple[int, ...], source: str
+) -> tuple[np.ndarray | None, str]:
+    """Seconds of the frames and the name of the array that holds them, where there is one."""
+    for name in _TIMES:
+        if name in keys:
+            times = array_in(archive, keys[name], source)
+            if times.ndim == 1 and len(times) in shape[: max(1, len(shape) - 2)]:
+                return times, name
+            if name == _TIMES[0]:
+                raise KeypointError(
+                    f"times {times.shape} do not fit keypoints {shape}",
+                    subject=source,
+                    code="E_KEYPOINTS_SHAPE",
+                )
+    return None, ""
+
+
+def _joints(
+    archive: zipfile.ZipFile, keys: Members, shape: tuple[int, ...], source: str
+) -> dict[str, tuple[str, ...]]:
+    """The order of the joints, by the name of the array that tells it, where there is one."""
+    for key in _NAMES:
+        held = array_in(archive, keys[key], source, kinds="USfiu") if key in keys else np.zeros(0)
+        text = held.ndim == 1 and held.dtype.kind in "US" and len(held) in shape[1:]
+        if text and (order := order_of([str(name) for name in held.astype("U")])):
+            return {key: order}
+    return {}
+
+
+def _picture(archive: zipfile.ZipFile, keys: Members, source: str) -> tuple[tuple[int, int] | None, str]:
+    """Width and height of the picture and the name of the array that tells them, where there is one."""
+    for key, turned in _PICTURES.items():
+        if key in keys:
+            sides = array_in(archive, keys[key], source).reshape(-1)
+            if len(sides) in (2, 2 + turned) and (sides >= 1).all() and (sides < 1 << 20).all():
+                width, height = (sides[1], sides[0]) if turned else sides
+                return (int(width), int(height)), key
+    return None, ""
 
 
 def _with_scores(points: np.ndarray, scores: np.ndarray, source: str) -> np.ndarray:

@@ -35,6 +35,10 @@ _PEOPLE = (
     "player playerid individual individuals subject subjectid actor actorid object objectid obj objid "
     "instance instanceid body bodyid skeletonid poseid poseindex pid targetid id ids".split()
 )
+_CLIPS = set(
+    "video videoid videoname videofile clip clipid clipname sequence sequenceid seq seqid recording "
+    "recordingid recordingname trial trialid".split()
+)
 _JOINTS = set(
     "keypoint keypointid keypointname keypointidx keypointindex joint jointid jointname jointidx jointindex "
     "bodypart bodypartname landmark landmarkid landmarkname landmarkidx landmarkindex kp kpid part partname "
@@ -57,7 +61,7 @@ class Columns:
         Column of each joint; one each in a long table.
     named : bool
         The header names the joints; otherwise it numbers them.
-    time, frame, person, joint : int or None
+    time, frame, person, joint, clip : int or None
         Columns; the seconds of a unit of the first are ``tick``.
     unused : tuple of str
         Names of all other columns, but for those that just number the rows.
@@ -73,6 +77,7 @@ class Columns:
     frame: int | None = None
     person: int | None = None
     joint: int | None = None
+    clip: int | None = None
     unused: tuple[str, ...] = ()
 
 
@@ -163,6 +168,7 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
         frame=frame,
         person=person,
         joint=joint if joints == [""] else None,
+        clip=next((single[role] for role in single if role in _CLIPS), None),
         unused=tuple(unused),
     )
 
@@ -180,7 +186,8 @@ def _coordinate(words: list[str]) -> tuple[str | int, str] | None:
             return ("", value) if part[0] not in ("t", "p", "s", "c") else None
         if rest[-1].isdigit() and (len(rest) == 1 or set(rest[:-1]) <= _NUMBERED) and len(rest[-1]) < 5:
             return int(rest[-1]), value
-        if joint := joint_named("_".join(rest)):
+        plain = [word for word in rest if word not in _NUMBERED]  # pose_nose_x, nose_landmark_x
+        if joint := joint_named("_".join(rest)) or joint_named("_".join(plain)):
             return joint, value
     return None
 
@@ -205,7 +212,7 @@ def _numbered(numbers: list[int], options: ReadOptions, source: str) -> Skeleton
         raise KeypointError(
             f"numbers {count} joints from {numbers[0]} to {numbers[-1]}{said}, which is no known skeleton",
             subject=source,
-            remedy="keypoints.order with a skeleton, or the names of the joints",
+            remedy="--set keypoints.order=… with a skeleton, or the names of the joints",
             code="E_KEYPOINTS_SKELETON",
         )
     return body

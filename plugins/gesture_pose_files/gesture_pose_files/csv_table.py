@@ -26,6 +26,8 @@ from gesture_pose_files.table import MAX_LINE, SUFFIXES, number_in, numbers_of, 
 _HEAD_BYTES = MAX_LINE
 _MAX_JOINT_ROWS = 8 * MAX_FRAMES
 _SHOWN = 100
+_MOST_LEADING = 2
+_FEWEST_ROWS = 3
 _Person = tuple[np.ndarray, np.ndarray | None, Rows, list[str]]
 
 
@@ -50,7 +52,7 @@ class CsvReader(OneClipReader):
             head = head[: head.rfind(b"\n") + 1] or head
         try:
             names, rows, columns = self._opened(BytesIO(head), printable(path))
-            return columns is not None if names else self._flat(next(rows, [])) is not None
+            return columns is not None if names else bool(self._ends(next(rows, [])))
         except KeypointError as error:
             if error.code == "E_KEYPOINTS_SKELETON":
                 raise
@@ -58,10 +60,13 @@ class CsvReader(OneClipReader):
 
     def refusal(self, path: Path) -> str:
         """The header, which names no joints."""
-        lines = head_of(path, _HEAD_BYTES).decode("utf-8-sig", "replace").splitlines()
+        head = head_of(path, _HEAD_BYTES)
+        lines = head.decode("utf-8-sig", "replace").splitlines()
         header = next((line for line in lines if line.strip()), "")
         if not header:
             return "it is empty"
+        if b"\0" in head:
+            return "it is no UTF-8 text; save it as CSV in UTF-8"
         return f"its header {_quoted(header)} names no joints, and is no row of keypoints"
 
     def sequences(self, path: Path, source: str) -> list[PoseSequence]:
@@ -87,23 +92,28 @@ class CsvReader(OneClipReader):
         names, rows = split_header(rows_of(file, source), find)
         return names, rows, find(names) if names else None
 
-    def _flat(self, cells: Sequence[str]) -> int | None:
-        """How many columns stand before the keypoints of a row without names; None for another row."""
+    def _ends(self, cells: Sequence[str], leading: Sequence[int] = range(_MOST_LEADING + 1)) -> list[int]:
+        """Where keypoints may end in a row without names, after so many ``leading`` columns."""
         if any(number_in(cell) is None for cell in cells):
-            return None
+            return []
+        ends = (len(cells), len(cells) - 1) if cells and not cells[-1].strip() else (len(cells),)
         widths = flat_widths(self.options)
-        if len(cells) in widths:
-            return 0
-        return 1 if len(cells) - 1 in widths and cells[0].strip() in ("0", "1") else None
+        return [end for end in ends if any(end - start in widths for start in leading)]
 
     def _bare(self, first: list[str], rows: Iterator[list[str]], source: str) -> list[PoseSequence]:
-        start, width = self._flat(first), len(first)
-        if start is None:
+        if not self._ends(first):
             raise _no_table(first, source)
+        width = len(first)
         table, _ = numbers_of(chain([first], rows), width, range(width), (), MAX_FRAMES, source)
-        if start and (np.diff(table[:, 0]) != 1).any():
+        leading = _leading(table)
+        ends = self._ends(first, [leading])
+        if not ends:
             raise _no_table(first, source)
-        return [sequence(table[:, start:], self.options, source=source, reader="csv")]
+        points = table[:, leading : ends[0]]
+        if flat_widths(self.options)[points.shape[1]][1] == 2:
+            _refuse_labels(points, source)
+        times = table[:, 1] if leading == 2 else None
+        return [sequence(points, self.options, source=source, reader="csv", times=times)]
 
     def _named(
         self, names: list[str], columns: Columns, rows: Iterator[list[str]], source: str
@@ -119,6 +129,14 @@ class CsvReader(OneClipReader):
         def text_of(column: int | None) -> list[str] | None:
             return None if column is None else [cells[rest.index(column)].strip() for cells in texts]
 
+        clips = sorted({*(text_of(columns.clip) or [])} - {""})
+        if 1 < len(clips) <= len(table) / _FEWEST_ROWS:
+            raise KeypointError(
+                f"holds {len(clips)} clips, as its column {names[columns.clip or 0].strip()[:40]!r} says",
+                subject=source,
+                remedy="one file for each clip",
+                code="E_KEYPOINTS_FORMAT",
+            )
         times = None if columns.time is None else table[:, columns.time] * columns.tick
         frames = text_of(columns.frame)
         every = Rows(
@@ -170,12 +188,39 @@ class CsvReader(OneClipReader):
             yield points, scores, first, notes
 
 
+def _leading(table: np.ndarray) -> int:
+    """How many of the first columns count the rows, or tell times in even steps after one that does."""
+    if len(table) < _FEWEST_ROWS or table[0, 0] not in (0, 1) or (np.diff(table[:, 0]) != 1).any():
+        return 0
+    steps = np.diff(table[:, 1])
+    even = steps[0] > 0 and np.allclose(steps, steps[0], rtol=0.05, atol=0)
+    return 2 if even and abs(table[0, 1]) <= steps[0] else 1
+
+
+def _refuse_labels(points: np.ndarray, source: str) -> None:
+    """Refuse x and y that are two numbers of a label: whole, always the same, and far from all joints."""
+    pairs = points.reshape(len(points), -1, 2)
+    for what, place in (("first", 0), ("last", -1)):
+        pair, others = pairs[:, place], np.delete(pairs, place, axis=1)
+        others = others[np.isfinite(others).all(axis=2) & others.any(axis=2)]
+        same = len(pairs) >= _FEWEST_ROWS and (pair == pair[0]).all() and (pair == pair.round()).all()
+        if same and pair[0].any() and len(others):
+            low, high = others.min(axis=0), others.max(axis=0)
+            if (np.maximum(low - pair[0], pair[0] - high) > (high - low) / 4).any():
+                raise KeypointError(
+                    f"its {what} two columns are {pair[0, 0]:g}, {pair[0, 1]:g} in every row, and no joint",
+                    subject=source,
+                    remedy="the columns of the joints alone, or a header that names them",
+                    code="E_KEYPOINTS_FORMAT",
+                )
+
+
 def _no_table(cells: Sequence[str], source: str) -> KeypointError:
     return KeypointError(
         f"is no keypoint table: its header {_quoted(','.join(cells))} names no joints, "
         "and is no row of keypoints",
         subject=source,
-        remedy="columns time, nose_x, nose_y, …; rows of x, y in COCO order; or keypoints.order",
+        remedy="columns time, nose_x, nose_y, …; rows of x, y in COCO order; or --set keypoints.order=…",
         code="E_KEYPOINTS_FORMAT",
     )
 

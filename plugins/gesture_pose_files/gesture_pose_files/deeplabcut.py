@@ -43,7 +43,7 @@ class DeepLabCutCsvReader(OneClipReader):
             header: dict[str, list[str]] = {}
             row: list[str] = []
             for row in rows:
-                level = row[0].strip().lower()
+                level = row[0].strip().lower() if row else ""
                 if level not in _LEVELS or level in header:
                     break
                 header[level], row = [cell.strip() for cell in row], []

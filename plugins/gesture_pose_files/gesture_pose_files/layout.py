@@ -34,6 +34,7 @@ _FORMS = "(T, J, 2|3|4) or (T, 2J|3J|4J) with J of 15, 17, 18, 25, 26 or 33"
 # or above it: none in half of MediaPipe's files, 3 % in the worst; 36 % or more where the neck is the origin.
 _LARGEST_SHARE = 5.0
 _LARGEST_NEGATIVE = 0.2
+_PERCENT = 100.0
 # Seconds from frame to frame: a gesture is over before the next frame, or these are no seconds.
 _LONGEST_STEP = 1.0
 
@@ -118,6 +119,8 @@ def sequence(
     points = values[..., 1::-1] if said == "yx" else values[..., :2]
     if scores is None:
         scores = _scores(values, joints, options)
+        if scores is not None:  # -1, -1 with a score of -1
+            scores = np.where(_nowhere(points) & (scores < 0), 0, scores)
     if scores is not None:
         scores, note = in_unit(scores, np.where((scores > 0)[..., None], points, np.nan), source)
         notes = [*notes, note] if note else notes
@@ -135,6 +138,12 @@ def sequence(
     if said == "x-y":
         points = points * np.array([1, -1], np.float32)
     judged: Unit = "shares" if are_shares(points) else "pixels"
+    seen = points[np.isfinite(points)]
+    percent = bool(seen.size) and seen.min() >= 0 and _PERCENT / 5 < seen.max() <= _PERCENT
+    if percent and options.unit == "shares":
+        points, notes = points / np.float32(_PERCENT), [*notes, "shares are percent"]
+    elif percent and not (unit or own or options.unit):
+        notes = [*notes, "no coordinate is above 100: --set keypoints.unit=shares where they are percent"]
     unit = unit or (judged if own else options.unit or judged)
     size = frame_size or options.picture if unit == "shares" else None
     if size:
@@ -199,7 +208,7 @@ def _three_axes(array: np.ndarray, options: ReadOptions, body: Skeleton | None, 
         raise KeypointError(
             f"an array of shape {array.shape} is of no known keypoint layout",
             subject=source,
-            remedy=f"{wanted}, or keypoints.order with its joints",
+            remedy=f"{wanted}, or --set keypoints.order=… with its joints",
             code="E_KEYPOINTS_SHAPE",
         )
     return array if array.ndim == 3 else array.reshape(len(array), *flat_widths(options)[array.shape[1]])
@@ -219,20 +228,35 @@ def _scores(values: np.ndarray, body: Skeleton, options: ReadOptions) -> np.ndar
 def _missing(points: np.ndarray, scores: np.ndarray | None, body: Skeleton) -> np.ndarray:
     """(T, J) bool: joints that were not found.
 
-    A score of 0 means missing, wherever x and y are. Without scores, x and y of 0 do, unless they are
-    centred on the neck: then the neck is at 0, 0 in every frame, others may fall on it, and, as in
-    no picture, some coordinates are negative. A frame of nothing but zeros is empty either way.
+    A score of 0 means missing, wherever x and y are, and so does a negative number in their place. Without
+    scores, x and y of 0 do, unless they are centred on the neck: then the neck is at 0, 0 in every frame,
+    others may fall on it, and, as in no picture, some coordinates are negative. A frame of nothing but
+    zeros is empty either way.
     """
     zero: np.ndarray = (points == 0).all(axis=2)
+    nowhere = _nowhere(points)
     if scores is not None:
-        missing: np.ndarray = (scores <= 0) | (zero & np.isnan(scores))
+        missing: np.ndarray = (scores <= 0) | (zero & np.isnan(scores)) | nowhere
         return missing
+    zero |= nowhere
     empty = np.asarray(zero.all(axis=1))
     if "neck" in body.joints and not empty.all():
         at_neck = np.asarray(zero[~empty, body.index("neck")])
         if at_neck.all() and (points < 0).any():
             return np.repeat(empty[:, None], zero.shape[1], axis=1)
     return zero
+
+
+def _nowhere(points: np.ndarray) -> np.ndarray:
+    """(T, J) bool: at one negative number in x and y, as -1 or -9999, where nothing else is negative."""
+    out: np.ndarray = np.zeros(points.shape[:2], bool)
+    below = points < 0
+    if below.any():
+        value = points[below].min()
+        same: np.ndarray = (points == value).all(axis=2)
+        if not (below & ~same[..., None]).any() and value == np.round(value):
+            return same
+    return out
 
 
 def are_shares(points: np.ndarray, *, centred: bool = False) -> bool:

@@ -67,6 +67,15 @@ def joints_among(names: Sequence[str], options: ReadOptions, source: str) -> Nam
     return Named(body, list(found.values()), notes)
 
 
+def order_of(names: Sequence[str]) -> tuple[str, ...]:
+    """``names`` as `ReadOptions.order`; empty where they tell neither a neck nor both shoulders."""
+    order: list[str] = []
+    for number, name in enumerate(names):
+        joint = joint_named(name)
+        order.append(joint if joint and joint not in order else f"unknown {number}")
+    return tuple(order) if skeleton_of(tuple(order)).has_neck else ()
+
+
 def people_of(
     named: Named,
     points: np.ndarray,

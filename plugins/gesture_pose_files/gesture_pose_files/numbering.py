@@ -14,15 +14,20 @@ from gesture_pose_files.files import MAX_FRAMES
 from gesture_pose_files.reader import clip_called
 
 # At most 18 digits: time stamps in nanoseconds fit, and so does the number into 64 bits.
-_NUMBERED = re.compile(r"(.*?)(\d{1,18})(?:[_\-. ]?(?:keypoints|pose|poses|skeleton))?", re.DOTALL)
+_NUMBERED = re.compile(
+    r"(.*?)(\d{1,18})\)?(?:[_\-. ]?(?:keypoints|pose|poses|skeleton))?", re.DOTALL | re.IGNORECASE
+)
+_NUMBER_FIRST = re.compile(
+    r"(?P<number>\d{1,18})[_\-. ](?P<clip>.*?)(?:[_\-. ]keypoints)?", re.DOTALL | re.IGNORECASE
+)
 _SUFFIX = re.compile(r"\.[A-Za-z][A-Za-z0-9]{0,5}")
 
 
 def number_in(name: str) -> tuple[str, int] | None:
     """What comes before the frame number in the name of a file or picture, and the number itself.
 
-    None where the name ends in no number. The order of frames is that of their numbers, whatever zeros
-    they are padded with.
+    None where the name neither ends nor begins with a number. The order of frames is that of their numbers,
+    whatever zeros they are padded with.
 
     Examples
     --------
@@ -32,8 +37,10 @@ def number_in(name: str) -> tuple[str, int] | None:
     stem, dot, suffix = name.rpartition(".")
     if dot and _SUFFIX.fullmatch(dot + suffix):
         name = stem
-    match = _NUMBERED.fullmatch(name)
-    return (match[1].rstrip("_-. /\\"), int(match[2])) if match else None
+    if match := _NUMBERED.fullmatch(name):
+        return match[1].rstrip("(_-. /\\"), int(match[2])
+    match = _NUMBER_FIRST.fullmatch(name)
+    return (match["clip"], int(match["number"])) if match else None
 
 
 def some_files(folder: Path, suffix: str, count: int) -> list[Path]:
@@ -67,7 +74,20 @@ def clips_in(folder: Path, suffix: str) -> dict[str, list[tuple[int, Path]]]:
         raise KeypointError(
             f"cannot be listed: {error.strerror}", subject=printable(folder), code="E_KEYPOINTS_UNREADABLE"
         ) from error
+    if len(found) > 1 and len({number for clip in found.values() for number, _ in clip}) == 1:
+        found = _by_number_before(found)
     return {name: sorted(found[name]) for name in sorted(found)}
+
+
+def _by_number_before(found: dict[str, list[tuple[int, Path]]]) -> dict[str, list[tuple[int, Path]]]:
+    """Clips of one frame each, all of the same number, by the number before it: ``cam2_0007_1.json``."""
+    out: dict[str, list[tuple[int, Path]]] = {}
+    for name, frames in found.items():
+        numbered = number_in(name)
+        if numbered is None:
+            return found
+        out.setdefault(numbered[0], []).extend((numbered[1], path) for _, path in frames)
+    return out
 
 
 def clip_in(folder: Path, member: str, suffix: str, expected: str) -> list[tuple[int, Path]]:

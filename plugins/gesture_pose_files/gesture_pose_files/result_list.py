@@ -9,14 +9,13 @@ from typing import Any
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
-from gesture_core.joint_names import joint_named
 from gesture_core.plugin.reading import ReadOptions
-from gesture_core.skeletons import skeleton_of
 from gesture_core.types import PoseSequence
 from gesture_pose_files.clip import Clip
 from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES
 from gesture_pose_files.json_people import Found, is_frame, people_in
 from gesture_pose_files.json_text import described, kind_of, load
+from gesture_pose_files.named import order_of
 from gesture_pose_files.numbering import number_in
 from gesture_pose_files.reader import Reader, clip_called
 from gesture_pose_files.whole_body import BODY_OF
@@ -131,14 +130,7 @@ def _with_order(tree: object, options: ReadOptions) -> ReadOptions:
         names = first.get("keypoints") if isinstance(first, Mapping) else None
     if options.order or not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         return options
-    order, known = [], set()
-    for number, name in enumerate(names):
-        joint = joint_named(name)
-        order.append(joint if joint and joint not in known else f"unknown {number}")
-        known.add(joint)
-    if len(names) in BODY_OF or not skeleton_of(tuple(order)).has_neck:
-        return options
-    return replace(options, order=tuple(order))
+    return options if len(names) in BODY_OF else replace(options, order=order_of(names))
 
 
 _Entry = tuple[int | str, tuple[int, int] | None, list[Any]]

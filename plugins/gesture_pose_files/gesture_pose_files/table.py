@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import chain
+from itertools import chain, islice
 from typing import IO
 
 import numpy as np
@@ -16,16 +17,33 @@ MAX_LINE = 1 << 20
 SUFFIXES = (".csv", ".tsv")
 """Of the tables that readers of this plugin take."""
 _MOST_HEADS = 4
+_LOOKED_AT = 8
+_NAMES_ITS_SEPARATOR = re.compile(r'"?sep=(.|\\t)"?', re.IGNORECASE)
 _FEWEST = 20  # columns of a bare table
 _MISSING = frozenset(("", "nan", "-nan", "none", "null", "na", "n/a", "#n/a", "<na>", "nil", "-", "--", "."))
 _MAX_ROWS = MAX_FRAMES * 64
 
 
 def rows_of(file: IO[bytes], source: str, mark: str = "") -> Iterator[list[str]]:
-    """The cells of each line that is not blank, separated by ``mark``, or by what the first one shows.
+    """The cells of each line that is not blank, separated by ``mark``, or by what the first lines show.
 
-    Memory holds one line at a time.
+    Memory holds few lines at a time.
     """
+    lines = _lines(file, source)
+    if not mark:
+        first = list(islice(lines, _LOOKED_AT))
+        if first and (named := _NAMES_ITS_SEPARATOR.fullmatch(first[0])):
+            mark = named[1].replace("\\t", "\t")
+            del first[0]
+        mark, lines = mark or _separator(first[-1] if first else ""), chain(first, lines)
+    for line in lines:
+        try:
+            yield line.split() if mark == " " else next(csv.reader([line], delimiter=mark), [])
+        except csv.Error:
+            yield []
+
+
+def _lines(file: IO[bytes], source: str) -> Iterator[str]:
     for number in range(1, _MAX_ROWS):
         line = file.readline(MAX_LINE + 1)
         if not line:
@@ -34,18 +52,24 @@ def rows_of(file: IO[bytes], source: str, mark: str = "") -> Iterator[list[str]]
             raise KeypointError(
                 f"line {number} is longer than {MAX_LINE} bytes", subject=source, code="E_KEYPOINTS_LIMIT"
             )
-        try:
-            text = line.decode("utf-8-sig" if number == 1 else "utf-8").strip("\r\n")
-        except UnicodeDecodeError:
+        if b"\0" in line:
             raise KeypointError(
                 f"line {number} is no UTF-8 text",
                 subject=source,
                 remedy="saving it as CSV in UTF-8",
                 code="E_KEYPOINTS_FORMAT",
-            ) from None
-        if text.strip():
-            mark = mark or _separator(text)
-            yield _cells(text, mark)
+            )
+        # Names of joints and numbers are the same in every code page; other cells may lose letters.
+        text = line.decode("utf-8-sig" if number == 1 else "utf-8", "replace").strip("\r\n")
+        if text.strip(" "):  # tabs alone are a row of empty cells
+            yield text
+
+
+def _separator(line: str) -> str:
+    """What separates the cells of a row, in which a comma may be a decimal one."""
+    commas = line.count(",")
+    rare = next((mark for mark in (";", "\t", "|") if mark in line and line.count(mark) + 1 >= commas), "")
+    return rare or ("," if commas else " ")
 
 
 def split_header(
@@ -55,17 +79,27 @@ def split_header(
 
     A first row that only counts the columns, as data-frame libraries write it, is a header that names
     nothing. Names may take several rows, as one for joints and one for x and y: as many as it takes until
-    they are ``known``.
+    they are ``known``. A title, which is shorter than the rows below, is no name, and empty rows before a
+    table without names are frames in which nobody was found.
     """
     rest = iter(rows)
     heads: list[list[str]] = []
+    empty: list[list[str]] = []
     for cells in rest:
+        if not any(cell.strip() for cell in cells):
+            empty.append(cells)
+            if len(empty) >= MAX_FRAMES:
+                break
+            continue
         if not heads and (shift := counting(cells)) is not None:
             return None, (row[shift:] for row in rest)
         if _is_data(cells) or len(heads) == _MOST_HEADS:
-            return _joined(heads), chain([cells], rest)
+            heads = [head for head in heads if len(head) == len(cells)]
+            return _joined(heads), chain([] if heads else empty, [cells], rest)
         heads.append(cells)
-        if known(_joined(heads) or []) is not None:
+        alike = [head for head in heads if len(head) == len(cells)]
+        if known(_joined(alike) or []) is not None:
+            heads = alike
             break
     return _joined(heads), rest
 
@@ -116,6 +150,8 @@ def numbers_of(
             )
         values = np.full(width, np.nan)
         try:
+            if any("_" in cell for cell in cells):  # which Python takes for a separator of digits
+                raise ValueError
             values[wanted] = [float(cells[column]) for column in wanted]
         except ValueError:
             for column in wanted:
@@ -139,6 +175,8 @@ def number_in(cell: str) -> float | None:
     text = cell.strip()
     if text.casefold() in _MISSING:
         return np.nan
+    if "_" in text:  # Python reads 0_1 as 1
+        return None
     if text.count(",") == 1 and "." not in text:
         text = text.replace(",", ".")
     try:
@@ -184,15 +222,3 @@ def _joined(heads: list[list[str]]) -> list[str] | None:
     # A row that says the same of every column, such as the name of a model, tells nothing.
     telling = [cells for cells in heads if len({cell.strip() for cell in cells[1:]}) > 1]
     return [" ".join(parts).strip() for parts in zip(*telling, strict=True)] if telling else heads[0]
-
-
-def _separator(line: str) -> str:
-    """What separates the cells: where there are semicolons or tabs, a comma may be a decimal one."""
-    return next((mark for mark in (";", "\t") if mark in line), ",")
-
-
-def _cells(line: str, mark: str) -> list[str]:
-    try:
-        return next(csv.reader([line], delimiter=mark), [])
-    except csv.Error:
-        return []

@@ -46,8 +46,11 @@ class TrcReader(OneClipReader):
                     code="E_KEYPOINTS_FORMAT",
                 )
             width = 2 + 3 * len(names)
-            # Rows may end in tabs; more markers than names are an error of their width.
-            rows = (row if any(cell.strip() for cell in row[width:]) else row[:width] for row in rows)
+            # Rows may end in tabs or hold nothing else; more markers than names are an error of their width.
+            rows = (
+                row if any(cell.strip() for cell in row[width:]) else row[:width]
+                for row in rows if any(cell.strip() for cell in row)
+            )  # fmt: skip
             table, _ = numbers_of(rows, width, range(width), (), MAX_FRAMES, source)
         if not len(table):
             raise KeypointError("holds no frame", subject=source, code="E_KEYPOINTS_EMPTY")

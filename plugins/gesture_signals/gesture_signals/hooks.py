@@ -7,44 +7,44 @@ from gesture_core.plugin.hooks import Register, hookimpl
 def register_normalizers(register: Register) -> None:
     register(
         "shoulder",
-        "gesture_signals.shoulder:ShoulderNormalizer",
+        "gesture_signals.normalizers:ShoulderNormalizer",
         summary="neck at the origin, shoulder distance 1, frame by frame (the paper)",
     )
     register(
         "torso",
-        "gesture_signals.torso:TorsoNormalizer",
+        "gesture_signals.normalizers:TorsoNormalizer",
         summary="neck at the origin, scale from the running median of the neck-to-hip distance",
     )
     register(
         "upright",
-        "gesture_signals.upright:UprightNormalizer",
+        "gesture_signals.normalizers:UprightNormalizer",
         summary="torso, after turning the body upright: a camera's roll does not matter",
     )
 
 
 @hookimpl
 def register_filters(register: Register) -> None:
-    register("center", "gesture_signals.center:Center", summary="subtract each channel's mean")
-    register("gaussian", "gesture_signals.smoothing:Gaussian", summary="Gaussian smoothing over frames")
+    register("center", "gesture_signals.filters:Center", summary="subtract each channel's mean")
+    register("gaussian", "gesture_signals.filters:Gaussian", summary="Gaussian smoothing over frames")
     register(
         "parts",
         "gesture_signals.parts:Parts",
         summary="weighted vectors, directions, velocities and energies of joints and limbs",
     )
-    register("resample", "gesture_signals.resample:Resample", summary="a common frame rate")
-    register("median", "gesture_signals.smoothing:Median", summary="running median over frames")
+    register("resample", "gesture_signals.filters:Resample", summary="a common frame rate")
+    register("median", "gesture_signals.filters:Median", summary="running median over frames")
 
 
 @hookimpl
 def register_selectors(register: Register) -> None:
-    register("all", "gesture_signals.selection:AllChannels", summary="every channel")
+    register("all", "gesture_signals.selectors:AllChannels", summary="every channel")
     register(
         "moving",
-        "gesture_signals.selection:Moving",
+        "gesture_signals.selectors:Moving",
         summary="every channel, unless the person stands still",
     )
     register(
         "variance",
-        "gesture_signals.selection:VarianceThreshold",
+        "gesture_signals.selectors:VarianceThreshold",
         summary="channels whose median-filtered variance exceeds t_var (the paper)",
     )

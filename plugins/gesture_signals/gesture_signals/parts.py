@@ -18,8 +18,7 @@ import numpy as np
 
 from gesture_core.errors import SignalError
 from gesture_core.types import Signals
-from gesture_signals.center import running_mean
-from gesture_signals.smoothing import smooth
+from gesture_signals.filters import running_mean, smooth
 
 _POINTS = ("nose", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 _LIMBS = {

@@ -6,14 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from gesture_signals.center import Center
+from gesture_signals.filters import Center, Gaussian, Median, Resample
+from gesture_signals.normalizers import ShoulderNormalizer, TorsoNormalizer, UprightNormalizer
 from gesture_signals.parts import Parts
-from gesture_signals.resample import Resample
-from gesture_signals.selection import AllChannels, Moving, VarianceThreshold
-from gesture_signals.shoulder import ShoulderNormalizer
-from gesture_signals.smoothing import Gaussian, Median
-from gesture_signals.torso import TorsoNormalizer
-from gesture_signals.upright import UprightNormalizer
+from gesture_signals.selectors import AllChannels, Moving, VarianceThreshold
 
 from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
 from gesture_core.skeletons import COCO18

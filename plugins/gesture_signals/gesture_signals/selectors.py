@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gesture_core.types import Signals
-from gesture_signals.smoothing import check_radius, running_median
+from gesture_signals.filters import check_radius, running_median
 
 
 @dataclass(frozen=True)

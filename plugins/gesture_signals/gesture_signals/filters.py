@@ -1,0 +1,191 @@
+"""Filters of single channels: zero mean, smoothing over frames, a common frame rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from numbers import Integral
+
+import numpy as np
+
+from gesture_core.types import Signals
+
+WIDEST = 1000.0
+"""Frames: the greatest standard deviation of a Gaussian."""
+
+
+@dataclass(frozen=True)
+class Center:
+    """Subtract each channel's mean over time (Schneider et al. 2019; not unit variance).
+
+    Parameters
+    ----------
+    share : float
+        Part of the mean that is subtracted. 1 forgets where a movement takes place; 0.5 keeps
+        half of it, so that the same stroke beside the head and beside the hip stay apart while
+        body proportions matter less.
+    window : float
+        Seconds around each frame over which the mean is taken; ``inf`` is the whole sequence, and
+        with zero nothing is subtracted.
+    """
+
+    share: float = 1.0
+    window: float = float("inf")
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.share <= 1:
+            raise ValueError(f"share {self.share} is not in 0..1")
+        if not self.window >= 0:
+            raise ValueError(f"window {self.window} is negative")
+
+    def apply(self, signals: Signals) -> Signals:
+        """The centred signals."""
+        mean = running_mean(signals.values, signals.times, self.window)
+        return replace(signals, values=signals.values - self.share * mean)
+
+    def on_stream(self, mean: float) -> Center:
+        """The same with a mean of ``mean`` seconds."""
+        return replace(self, window=mean)
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """Gaussian smoothing of each channel (the paper: sigma 1).
+
+    Parameters
+    ----------
+    sigma : float
+        Standard deviation in frames; zero leaves the signals as they are.
+    seconds : float
+        Standard deviation in seconds instead, where it is above zero.
+    """
+
+    sigma: float = 1.0
+    seconds: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.sigma < float("inf") and 0 <= self.seconds < float("inf")):
+            raise ValueError(f"sigma {self.sigma} or seconds {self.seconds} is not a finite width")
+
+    def apply(self, signals: Signals) -> Signals:
+        """The smoothed signals; the ends are continued by reflection."""
+        sigma = self.sigma
+        if self.seconds > 0:
+            step = float(np.median(np.diff(signals.times))) if len(signals) > 1 else 0.0
+            sigma = min(self.seconds / step, float(len(signals))) if step > 0 else 0.0
+        if sigma == 0:
+            return signals
+        return replace(signals, values=smooth(signals.values.astype(np.float64), sigma))
+
+
+@dataclass(frozen=True)
+class Median:
+    """Running median of each channel.
+
+    Parameters
+    ----------
+    radius : int
+        Frames on each side; the window holds ``2 radius + 1``.
+    """
+
+    radius: int = 3
+
+    def __post_init__(self) -> None:
+        check_radius(self.radius)
+
+    def apply(self, signals: Signals) -> Signals:
+        """The filtered signals; the ends are mirrored."""
+        return replace(signals, values=running_median(signals.values, self.radius))
+
+
+@dataclass(frozen=True)
+class Resample:
+    """Linear interpolation at evenly spaced times.
+
+    Warping follows a different frame rate, but each frame has its price: without this step a
+    clip at 60 frames per second is twice as far from everything as one at 30.
+
+    Parameters
+    ----------
+    rate : float
+        Frames per second of the result.
+    max_frames : int
+        A longer sequence keeps its own frames; time stamps are not trusted to allocate memory.
+    anchored : bool
+        Sample at whole multiples of ``1 / rate``, wherever the sequence begins, so that two parts of
+        one recording are sampled at the same times.
+    """
+
+    rate: float = 20.0
+    max_frames: int = 200_000
+    anchored: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0 < self.rate <= 1000:
+            raise ValueError(f"rate {self.rate} is not in 0..1000 frames per second")
+        if not self.max_frames >= 2:
+            raise ValueError(f"max_frames {self.max_frames} is not 2 or more")
+
+    def apply(self, signals: Signals) -> Signals:
+        """The same signals at `rate`; unchanged where they have no duration."""
+        first, last = float(signals.times[0]), float(signals.times[-1])
+        frames = round((last - first) * self.rate) + 1
+        if len(signals) < 2 or last <= first or frames > self.max_frames:
+            return signals
+        if self.anchored:
+            times = np.arange(np.ceil(first * self.rate), np.floor(last * self.rate) + 1) / self.rate
+            if len(times) == 0:
+                return signals
+        else:
+            times = np.linspace(first, last, max(frames, 2))
+        values = np.stack([np.interp(times, signals.times, column) for column in signals.values.T], axis=1)
+        return replace(signals, values=values, times=times)
+
+    def on_stream(self, mean: float) -> Resample:
+        """The same at times that do not depend on where a part begins; it subtracts no mean."""
+        return replace(self, anchored=True)
+
+
+def running_mean(values: np.ndarray, times: np.ndarray, window: float) -> np.ndarray:
+    """(T, D) float64 mean within ``window`` seconds around each frame, or (D,) of all for ``inf``.
+
+    Zero where the window is zero; at the ends the window is shorter.
+    """
+    if window == 0:
+        return np.zeros(values.shape[1])
+    if window == float("inf"):
+        return np.asarray(values.mean(axis=0, dtype="float64"))
+    sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0, dtype="float64")])
+    starts = np.searchsorted(times, times - window / 2, side="left")
+    stops = np.searchsorted(times, times + window / 2, side="right")
+    mean: np.ndarray = (sums[stops] - sums[starts]) / (stops - starts)[:, None]
+    return mean
+
+
+def smooth(values: np.ndarray, sigma: float) -> np.ndarray:
+    """(T, D) Gaussian average over frames; the ends are continued by reflection.
+
+    No wider than four sequences, where nothing but the mean is left, nor than `WIDEST`: time stamps are
+    not trusted to cost memory and hours.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    width = min(sigma, 4.0 * len(values), WIDEST)
+    smoothed: np.ndarray = gaussian_filter1d(values, width, axis=0, mode="reflect")
+    return smoothed
+
+
+def check_radius(radius: object) -> None:
+    """A ValueError unless ``radius`` is a whole number of frames."""
+    if not isinstance(radius, Integral) or radius < 0:
+        raise ValueError(f"radius {radius!r} is not a whole number of frames, zero or more")
+
+
+def running_median(values: np.ndarray, radius: int) -> np.ndarray:
+    """(T, D) running median over ``2 radius + 1`` frames."""
+    if radius == 0:
+        return values
+    from scipy.ndimage import median_filter
+
+    size = (2 * radius + 1, 1)
+    median: np.ndarray = median_filter(values.astype(np.float64), size=size, mode="mirror")
+    return median
