@@ -61,9 +61,8 @@ def pose_identity(settings: Settings, items: Collection[Input]) -> dict[str, Any
 
 
 def _video_identity(settings: Settings) -> dict[str, Any]:
-    from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.extract import REVISION
-    from gesture_core.pose.models import FINDER, find_model
+    from gesture_core.pose.models import FINDER, choose_pose, find_model
     from gesture_core.video import reader_name
 
     plugins, settings = registry(), choose_pose(settings)

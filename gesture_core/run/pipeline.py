@@ -18,8 +18,8 @@ from typing import Any
 
 from gesture_core.classify.examples import sided_labels
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
-from gesture_core.files import without_cache
-from gesture_core.pose.choice import described
+from gesture_core.files import switched_on
+from gesture_core.pose.models import described
 from gesture_core.records import Job, Row
 from gesture_core.run.extract import Listener, OpenEngine
 from gesture_core.run.inputs import Input
@@ -224,7 +224,7 @@ class _Run:
 
     def _is_fitted(self) -> bool:
         """Whether an earlier run in this folder has fitted these examples, all of which could be used."""
-        if without_cache() or self.request.spot:
+        if switched_on("GESTURE_NO_CACHE") or self.request.spot:
             return False
         asked = {**self._place, "names": [item.name for item in self.plan.examples]}
         if not self.assistant.ask("open_fitted", asked, keep=True):
