@@ -233,7 +233,8 @@ class KeypointExtractor:
             reader = open_reader(name, self._settings)
             with calling(registry().find("reader", name), passing=(OSError,)):
                 sequences = [_checked(sequence) for sequence in reader.read(path, member)]
-            odd = [note for sequence in sequences for note in check_plausible(sequence)]
+            stated = self._settings.keypoints.axes is not None
+            odd = [note for one in sequences for note in check_plausible(one, axes_stated=stated)]
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
         if pose.people == "single" and len(sequences) > 1:
