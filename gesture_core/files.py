@@ -111,8 +111,13 @@ def _lost(link: Path) -> tuple[str, str]:
 def _no_content(status: os.stat_result) -> tuple[str, str] | None:
     if not modes.S_ISREG(status.st_mode):
         return "is not a regular file", "leave it out"
+    return made_up(status)
+
+
+def made_up(status: os.stat_result) -> tuple[str, str] | None:
+    """Cause and remedy of a file or folder that the system makes up, as in ``/proc``; None for any other."""
     if status.st_dev in _made_up():
-        return "is made up by the system, and no file", "leave it out"
+        return "is made up by the system, and holds no recording", "leave it out"
     return None
 
 
@@ -298,6 +303,28 @@ def _regular_files(folder: Path) -> Iterator[Path]:
     for entry in sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name)):
         if unreadable(entry) is None:  # a link that leads nowhere holds nothing
             yield entry
+
+
+@cache
+def code_sha256(module: str) -> str:
+    """A hash of the Python files in the folder of ``module``; empty for what pip has put into its place.
+
+    An installation that can be edited keeps its version while its code changes.
+    """
+    import importlib.util
+
+    try:
+        found = importlib.util.find_spec(module)
+    except (Exception, SystemExit):  # noqa: BLE001 - it imports the packages above, which may raise anything
+        return ""
+    if found is None or not found.origin or {"site-packages", "dist-packages"} & {*Path(found.origin).parts}:
+        return ""
+    place, digest = Path(found.origin), hashlib.sha256()
+    alone = "." not in module and place.name != "__init__.py"
+    for file in [place] if alone else sorted(place.parent.rglob("*.py")):
+        with suppress(OSError):  # it goes while we look
+            digest.update(file.relative_to(place.parent).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
 
 
 def tree_sha256(tree: Any) -> str:

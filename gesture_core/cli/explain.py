@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, validators
 
 from gesture_core.cli.flags import Whole
-from gesture_core.cli.output import check_file, counted, print_table, say
+from gesture_core.cli.output import check_file, counted, mirroring_hint, print_table, say
 from gesture_core.errors import MissingDependencyError
 from gesture_core.files import printable
 
@@ -37,7 +37,7 @@ def explain(
     person
         Which person of the input, where it has several.
     out
-        PNG file of the plot; explain-<input>.png in the run folder by default.
+        PNG file of the plot (expl is expl.png); explain-<input>.png in the run folder by default.
     channels
         How many channels to draw; at least twelve are listed.
     """
@@ -46,6 +46,7 @@ def explain(
     from gesture_core.run.explain import explain as explain_row
 
     if out is not None:
+        out = out if out.suffix or out.is_dir() else out.with_suffix(".png")
         check_file(out, (".png",))
     with progress([input], quiet=not sys.stderr.isatty()) as listener:
         found = explain_row(run, input, person, listener=listener)
@@ -58,6 +59,8 @@ def explain(
     except MissingDependencyError as error:
         missing = error
     _print(found.row, found.explanation, channels)
+    if found.sided:
+        say(mirroring_hint(found.sided))
     if missing and out:
         raise missing
     say(f"no picture: {missing.message}" if missing else str(target))

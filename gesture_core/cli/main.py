@@ -37,6 +37,8 @@ app = App(
 _COMMANDS = {
     "classify": "Label every input by the example gestures that it resembles.",
     "spot": "Find the example gestures in long recordings: what happened when.",
+    "watch": "Find the example gestures in a live source, as they happen.",
+    "find": "Find where in recordings somebody does what a clip shows.",
     "cut": "Write the events of a run as clips, by label.",
     "extract": "Find keypoints only, and write them to files.",
     "evaluate": "Measure the accuracy of a preset on a labelled archive.",
@@ -224,7 +226,7 @@ def _owners(option: str, command: str) -> list[str]:
     from gesture_core.settings.load import fields_of
     from gesture_core.settings.schema import SECTIONS
 
-    every = tuple(SECTIONS) if command in ("classify", "evaluate", "demo") else ()
+    every = tuple(SECTIONS) if command in ("classify", "evaluate", "demo", "spot", "watch", "find") else ()
     return [section for section in _WITH_SETTINGS.get(command, every) if option in fields_of(section)]
 
 

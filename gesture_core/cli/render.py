@@ -109,7 +109,7 @@ def _labels(video: Path, run: Path) -> tuple[dict[int, str], Settings]:
 def _people(video: Path, settings: Settings) -> list[PoseSequence]:
     """Everybody in the video, from the keypoint store or extracted in a worker process."""
     from gesture_core.cli.progress import progress
-    from gesture_core.run.evaluate import people_of
+    from gesture_core.run.extract import people_of
     from gesture_core.run.inputs import discover
 
     items = discover([video])

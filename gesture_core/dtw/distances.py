@@ -210,7 +210,7 @@ def choose_kernel(
     usable = registry().names("kernel", usable=True)
     gpu = GPU_ORDER if Path("/dev/nvidiactl").exists() else ()
     if cells <= SMALL:
-        gpu, usable = (), [candidate for candidate in usable if candidate == "numpy"] or usable
+        gpu, usable = (), tuple(candidate for candidate in usable if candidate == "numpy") or usable
     for place, candidate in enumerate((*gpu, *CPU_ORDER)):
         if candidate not in usable:
             continue
@@ -224,7 +224,7 @@ def choose_kernel(
 
 def cells_of(queries: SignalBatch, examples: SignalBatch) -> float:
     """Cells of the tables of all pairs, times the dimensions."""
-    return float(queries.lengths.sum()) * float(examples.lengths.sum()) * queries.values.shape[2]
+    return float(queries.lengths.sum() * float(examples.lengths.sum()) * queries.values.shape[2])
 
 
 def pair_distances(

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gesture_core.errors import ConfigError
-from gesture_core.joint_names import joint_named
 from gesture_core.skeletons import SKELETONS, Skeleton, skeleton_of
 
 __all__ = ["Axes", "ReadOptions", "Unit"]
@@ -92,6 +91,8 @@ class ReadOptions:
                 known = f"one of {', '.join(SKELETONS)}, or the name of each joint"
                 raise _refused("order", self.order[0], known)
             return SKELETONS[self.order[0]]
+        from gesture_core.joint_names import joint_named
+
         names = [joint_named(name) or name for name in self.order]
         if twice := [name for name in names if names.count(name) > 1]:
             raise _refused("order", ",".join(self.order), f"each joint once; {twice[0]} is there twice")

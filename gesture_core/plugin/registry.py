@@ -7,8 +7,6 @@ into an error of this package.
 
 from __future__ import annotations
 
-import difflib
-import hashlib
 import importlib
 import importlib.util
 import inspect
@@ -17,17 +15,24 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout, suppress
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
-from pathlib import Path
 from typing import Any
 
 import pluggy
 
-from gesture_core.errors import ConfigError, GestureError, MissingDependencyError, PluginError, SignalError
-from gesture_core.files import with_tracebacks
+from gesture_core.errors import (
+    ConfigError,
+    GestureError,
+    MissingDependencyError,
+    PluginError,
+    SignalError,
+    described,
+    near,
+)
+from gesture_core.files import code_sha256, with_tracebacks
 from gesture_core.plugin import hooks
 from gesture_core.plugin.hooks import KINDS
 
@@ -67,7 +72,7 @@ class Registration:
     @property
     def identity(self) -> str:
         """Distribution and version, and a hash of the code where that may change under one version."""
-        code = _code_sha256(self.target.partition(":")[0])
+        code = code_sha256(self.target.partition(":")[0])
         return f"{self.origin} (code {code[:12]})" if code else str(self.origin)
 
     @property
@@ -86,26 +91,6 @@ class Registration:
     def title(self) -> str:
         """The name in a sentence: ``pose backend 'onnx'``."""
         return f"{KINDS[self.kind].title} {self.name!r}"
-
-
-@cache
-def _code_sha256(module: str) -> str:
-    """A hash of the Python files in the folder of ``module``; empty for what pip has put into its place.
-
-    An installation that can be edited keeps its version while its code changes.
-    """
-    try:
-        found = importlib.util.find_spec(module)
-    except (Exception, SystemExit):  # noqa: BLE001 - it imports the packages above, which may raise anything
-        return ""
-    if found is None or not found.origin or {"site-packages", "dist-packages"} & {*Path(found.origin).parts}:
-        return ""
-    place, digest = Path(found.origin), hashlib.sha256()
-    alone = "." not in module and place.name != "__init__.py"
-    for file in [place] if alone else sorted(place.parent.rglob("*.py")):
-        with suppress(OSError):  # it goes while we look
-            digest.update(file.relative_to(place.parent).as_posix().encode() + b"\0" + file.read_bytes())
-    return digest.hexdigest()
 
 
 def _installed(module: str) -> bool:
@@ -145,35 +130,29 @@ class Registry:
         folders: bool = False,
     ) -> None:
         """Record one announcement; a malformed or repeated one becomes a fault."""
-        if not isinstance(name, str) or not _NAME.fullmatch(name):
-            self.faults.append(
-                Fault(origin, f"{name!r} is not a name: lower-case letters, digits, hyphens", kind, str(name))
-            )
-            return
-        if not isinstance(target, str) or not _TARGET.fullmatch(target):
-            self.faults.append(Fault(origin, f"target {target!r} is not 'module:Class'", kind, name))
-            return
+        known = self.entries.get((kind, name), [])
         listed = isinstance(needs, Collection) and not isinstance(needs, str)
-        if not listed or not all(isinstance(module, str) for module in needs):
-            self.faults.append(Fault(origin, f"needs {needs!r} is no list of module names", kind, name))
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            fault = f"{name!r} is not a name: lower-case letters, digits, hyphens"
+        elif not isinstance(target, str) or not _TARGET.fullmatch(target):
+            fault = f"target {target!r} is not 'module:Class'"
+        elif not listed or not all(isinstance(module, str) for module in needs):
+            fault = f"needs {needs!r} is no list of module names"
+        elif any(entry.origin.distribution == origin.distribution for entry in known):
+            fault = "registers this name twice; the first one counts"
+        else:
+            every = tuple(needs), extra, summary, tuple(suffixes), folders
+            self.entries[kind, name] = [*known, Registration(kind, name, target, origin, *every)]
             return
-        known = self.entries.setdefault((kind, name), [])
-        if any(entry.origin.distribution == origin.distribution for entry in known):
-            self.faults.append(Fault(origin, "registers this name twice; the first one counts", kind, name))
-            return
-        every = tuple(needs), extra, summary, tuple(suffixes), folders
-        known.append(Registration(kind, name, target, origin, *every))
+        self.faults.append(Fault(origin, fault, kind, str(name)))
 
     def names(self, kind: str, *, usable: bool = False) -> tuple[str, ...]:
         """Names of ``kind`` in alphabetical order; only those that can be loaded with ``usable``."""
-        found = sorted(name for k, name in self.entries if k == kind)
-        if usable:
-            found = [
-                name
-                for name in found
-                if len(self.entries[kind, name]) == 1 and not self.entries[kind, name][0].missing
-            ]
-        return tuple(found)
+        return tuple(
+            name
+            for (of, name), entries in sorted(self.entries.items())
+            if of == kind and not (usable and (len(entries) > 1 or entries[0].missing))
+        )
 
     def find(self, kind: str, name: str) -> Registration:
         """The one registration of ``name``.
@@ -195,21 +174,10 @@ class Registry:
                 code="E_PLUGIN_AMBIGUOUS",
             )
         broken = [fault for fault in self.faults if fault.name in ("", name) and fault.kind in ("", kind)]
-        known = self.names(kind)
-        near = difflib.get_close_matches(str(name), known, 1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
         cause = f"no {title} {name!r}"
         if broken:
             cause += f" ({'; '.join(f'{fault.origin}: {fault.cause}' for fault in broken)})"
-        raise PluginError(
-            cause, remedy=f"{hint}one of {', '.join(known) or '(none installed)'}", code="E_PLUGIN_UNKNOWN"
-        )
-
-    def registration(self, plugin: Any) -> Registration | None:
-        """How the class of an object was announced, if it is a registered plugin."""
-        target = f"{type(plugin).__module__}:{type(plugin).__qualname__}"
-        every = (entry for entries in self.entries.values() for entry in entries)
-        return next((entry for entry in every if entry.target == target), None)
+        raise PluginError(cause, remedy=near(name, self.names(kind)), code="E_PLUGIN_UNKNOWN")
 
     def load(self, kind: str, name: str) -> type[Any]:
         """Import the class of a plugin.
@@ -228,7 +196,8 @@ class Registry:
         module, _, attribute = entry.target.partition(":")
         with calling(entry, "cannot be imported", code="E_PLUGIN_IMPORT", remedy="repair or uninstall it"):
             target: type[Any] = getattr(importlib.import_module(module), attribute)
-        known = _parameters(target)
+        with calling(entry, remedy="repair or uninstall it"):
+            known = _parameters(target)
         lacking = [name for name in KINDS[kind].given if known is not None and name not in known]
         if lacking:
             raise PluginError(
@@ -255,9 +224,13 @@ class Registry:
         """
         entry = self.find(kind, name)
         factory = self.load(kind, name)
-        options = options or {}
-        _refuse_unknown(entry, factory, options)
+        options, known = options or {}, _parameters(factory)
         remedy = f"'gesture plugins {name}' lists its options"
+        own = [one for one in known or () if one not in KINDS[kind].filled]
+        for option in options if known is not None else ():
+            if option not in own:
+                cause = f"{entry.title} has no option {option!r}"
+                raise ConfigError(cause, remedy=near(option, own, remedy), code="E_OPTION")
         with calling(
             entry, remedy=f"other options ({remedy}), or repair or uninstall it", passing=(OSError,)
         ):
@@ -279,23 +252,6 @@ def _parameters(factory: Any) -> list[str] | None:
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken):
         return None
     return [parameter.name for parameter in taken if parameter.kind is not parameter.POSITIONAL_ONLY]
-
-
-def _refuse_unknown(entry: Registration, factory: Any, options: Mapping[str, Any]) -> None:
-    """A ConfigError for the first option that the plugin's class does not name."""
-    known = _parameters(factory)
-    if known is None:
-        return
-    known = [name for name in known if name not in KINDS[entry.kind].filled]
-    for option in options:
-        if option not in known:
-            near = difflib.get_close_matches(option, known, 1)
-            raise ConfigError(
-                f"{entry.title} has no option {option!r}",
-                remedy=(f"did you mean {near[0]!r}? " if near else "")
-                + f"'gesture plugins {entry.name}' lists its options",
-                code="E_OPTION",
-            )
 
 
 @contextmanager
@@ -327,9 +283,7 @@ def calling(
     PluginError
     """
     name = str(plugin) if isinstance(plugin, Registration | Origin) else name_of(plugin)
-    called = _calls.__dict__.setdefault("names", [])
-    called.append(name)
-    _say_who_is_called(called)
+    outer = _now_calling(name)
     try:
         yield
     except SignalError as error:  # of what it returned, where the plugin itself was called
@@ -341,7 +295,7 @@ def calling(
     except passing:
         raise
     except MemoryError as error:
-        more = "a larger limits.memory (--set, or GESTURE_SET_LIMITS__MEMORY), and --retry-errors"
+        more = "a larger --set limits.memory=… (or GESTURE_SET_LIMITS__MEMORY), and --retry-errors"
         raise PluginError(f"{name}: out of memory", kept=kept, remedy=more, code="E_WORKER_MEMORY") from error
     except (Exception, SystemExit) as error:
         if tracebacks():
@@ -349,8 +303,7 @@ def calling(
         cause = f"{name} {verb}{'' if verb.endswith('raised') else ':'} {described(error)}"
         raise PluginError(cause, kept=kept, remedy=remedy, code=code) from error
     finally:
-        called.pop()
-        _say_who_is_called(called)
+        _now_calling(outer)
 
 
 def tracebacks() -> bool:
@@ -367,15 +320,22 @@ def show_tracebacks(shown: bool) -> None:
 
 
 _shown: list[bool] = []
-_calls = threading.local()
+_called = ""
 _watchers: list[Callable[[str], None]] = []
 
 
-def _say_who_is_called(names: Sequence[str]) -> None:
-    """The calls of a plugin's own threads say nothing: nobody waits for them."""
-    if threading.current_thread() is threading.main_thread():
-        for note in _watchers:
-            note(names[-1] if names else "")
+def _now_calling(name: str) -> str:
+    """Note which plugin is being called from now on, and return which one was.
+
+    The calls of a plugin's own threads say nothing: nobody waits for them.
+    """
+    global _called
+    if threading.current_thread() is not threading.main_thread():
+        return ""
+    outer, _called = _called, name
+    for note in _watchers:
+        note(name)
+    return outer
 
 
 def watch(note: Callable[[str], None]) -> None:
@@ -388,16 +348,9 @@ def watch(note: Callable[[str], None]) -> None:
 
 def name_of(plugin: object) -> str:
     """What to call a plugin's object in a message: ``filter 'speed' of my-plugin 1.0``, or its class."""
-    entry = registry().registration(plugin)
-    return str(entry) if entry else f"{type(plugin).__module__}.{type(plugin).__qualname__}"
-
-
-def described(error: BaseException) -> str:
-    """The class and text of an exception, which may fail to have any text."""
-    try:
-        return f"{type(error).__name__}: {error}"
-    except Exception:  # noqa: BLE001 - it is somebody else's class
-        return type(error).__name__
+    module, name = type(plugin).__module__, type(plugin).__qualname__
+    every = (entry for entries in registry().entries.values() for entry in entries)
+    return next((str(entry) for entry in every if entry.target == f"{module}:{name}"), f"{module}.{name}")
 
 
 @cache
@@ -434,9 +387,8 @@ def register_module(found: Registry, module: Any, origin: Origin) -> None:
     for caller in manager.get_hookcallers(module) or ():
         kind = kinds.get(caller.name)
         if kind is None:
-            near = difflib.get_close_matches(caller.name, kinds, 1)
-            meant = f"did you mean {near[0]!r}?" if near else f"hooks are {', '.join(kinds)}"
-            found.faults.append(Fault(origin, f"implements {caller.name!r}, which is no hook; {meant}"))
+            cause = f"implements {caller.name!r}, which is no hook; {near(caller.name, list(kinds))}"
+            found.faults.append(Fault(origin, cause))
             continue
         try:
             with calling(origin, f"{caller.name} raised"), redirect_stdout(sys.stderr):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from gesture_core.errors import ConfigError, GestureError, PluginError
+from gesture_core.errors import ConfigError, PluginError
 from gesture_core.plugin.abilities import DeviceChoice
 from gesture_core.plugin.registry import registry
 from gesture_core.pose.models import ModelFile, auto_models, find_model, is_here, known_models
@@ -18,19 +18,13 @@ if TYPE_CHECKING:
 _FIRST = ("onnx", "opencv-dnn")
 """Backends that ``auto`` takes before any other."""
 _BUILDS = {
-    "provider": "pose.provider=auto, or another build of onnxruntime: -gpu, -openvino, -directml",
-    "target": "pose.target=auto, or an OpenCV that was built with it",
+    "provider": "--set pose.provider=auto, or another build of onnxruntime: -gpu, -openvino, -directml",
+    "target": "--set pose.target=auto, or an OpenCV that was built with it",
 }
 
 
-def choose_pose(settings: Settings, *, needed: bool = True) -> Settings:
+def choose_pose(settings: Settings) -> Settings:
     """The settings with what ``auto`` in [pose] stands for on this machine.
-
-    Parameters
-    ----------
-    settings : Settings
-    needed : bool
-        False where no input is a video: what cannot be found then stays as it is.
 
     Raises
     ------
@@ -45,14 +39,9 @@ def choose_pose(settings: Settings, *, needed: bool = True) -> Settings:
     names: Sequence[str] = (pose.model,)
     if pose.model == "auto":
         names = [name for name in auto_models() if is_here(name) and _fits(name, pose)] or auto_models()[-1:]
-    try:
-        backend = backend_name(find_model(names[0])) if pose.backend == "auto" else pose.backend
-        pose = replace(pose, model=names[0], backend=backend)
-        return replace(settings, pose=replace(pose, **_device(pose)))
-    except GestureError:
-        if needed:
-            raise
-        return settings
+    backend = backend_name(find_model(names[0])) if pose.backend == "auto" else pose.backend
+    pose = replace(pose, model=names[0], backend=backend)
+    return replace(settings, pose=replace(pose, **_device(pose)))
 
 
 def _fits(name: str, pose: PoseSettings) -> bool:
@@ -79,7 +68,7 @@ def _device(pose: PoseSettings) -> dict[str, Any]:
         if wanted != "auto" and setting not in here:
             raise ConfigError(
                 f"pose.{setting} = {wanted!r}: the backend {pose.backend!r} has no such choice",
-                remedy=" or ".join(f"pose.{own}" for own in here) or "leave it out",
+                remedy=" or ".join(f"--set pose.{own}=…" for own in here) or "leave it out",
                 code="E_OPTION",
             )
         if wanted != "auto" and wanted not in here[setting]:

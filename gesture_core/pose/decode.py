@@ -167,7 +167,7 @@ def _overlap(one: np.ndarray, two: np.ndarray) -> float:
 def _cannot_tell_apart(cause: str) -> PoseError:
     return PoseError(
         f"this network cannot tell people apart: {cause}",
-        remedy="pose.people = 'single', or --model with a network that can, such as hpe0001 or YOLO-pose: "
+        remedy="--set pose.people=single, or --model with a network that can, such as hpe0001 or YOLO-pose: "
         "'gesture models' says where they are",
         code="E_POSE_PEOPLE",
     )

@@ -97,15 +97,8 @@ def extract_poses(
     """
     body = skeleton(backend.skeleton)
     joints = len(body.joints)
-    able = backend if isinstance(backend, CropFollowing) else None
-    follow = bool(able and able.follow) if follow is None else follow
-    steady = bool(not able or able.steady) if steady is None else steady
-    follower: Follower | RegionFollower | None = None
-    if follow and people == "single":
-        if isinstance(backend, RegionFollowing) and backend.region:
-            follower = RegionFollower(backend)
-        else:
-            follower = Follower(backend)
+    follower = follower_of(backend, follow) if people == "single" else None
+    steady = is_steady(backend) if steady is None else steady
     choice = JointChoice(body) if steady and people == "single" else None
     tracker = Tracker(joints) if people == "multi" else None
     others = 0
@@ -155,6 +148,22 @@ def extract_poses(
     if choice:
         where, certain = choice.choose(where, certain, np.stack(peaks), at)
     return [PoseSequence(where, certain, at, backend.skeleton, size, 0, source, provenance)]
+
+
+def follower_of(backend: PoseBackend, follow: bool | None = None) -> Follower | RegionFollower | None:
+    """What follows one person for ``backend``; None where it is given whole pictures."""
+    if follow is None:
+        follow = isinstance(backend, CropFollowing) and backend.follow
+    if not follow:
+        return None
+    if isinstance(backend, RegionFollowing) and backend.region:
+        return RegionFollower(backend)
+    return Follower(backend)
+
+
+def is_steady(backend: PoseBackend) -> bool:
+    """Whether limbs are chosen over time, where nobody says otherwise."""
+    return backend.steady if isinstance(backend, CropFollowing) else True
 
 
 @dataclass

@@ -139,7 +139,7 @@ class KnownModel:
             )
         if self.member:
             return f"'gesture models get {self.name}'"
-        return f"get it ({self.where}), then 'gesture models add {(self.files or ('FILE',))[0]}'"
+        return f"get it ({self.where}), then 'gesture models add FILE --name {self.name}'"
 
     @property
     def packaged_path(self) -> Path | None:

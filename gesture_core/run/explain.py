@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.classify import explanation
+from gesture_core.classify.examples import sided_labels
 from gesture_core.classify.explanation import Explanation
 from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import GestureError, InputError, RunFolderError
-from gesture_core.files import printable
 from gesture_core.records import Row
-from gesture_core.run.evaluate import people_of
-from gesture_core.run.found_again import path_of, spelled
-from gesture_core.run.inputs import Input, discover
-from gesture_core.run.pipeline import Listener
+from gesture_core.run.extract import Listener, people_of
+from gesture_core.run.found_again import find_inputs
+from gesture_core.run.inputs import Input
 from gesture_core.run.results import open_results
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
@@ -41,11 +40,14 @@ class RowExplanation:
         the movement costs; where all examples decide, also what each of them adds to the decision.
     file_name : str
         For a picture of it; no other input of the run has the same one.
+    sided : tuple of str
+        Labels on the left that have their like on the right, where examples also stand for the other hand.
     """
 
     row: Row
     explanation: Explanation
     file_name: str
+    sided: tuple[str, ...] = ()
 
 
 def explain(
@@ -113,7 +115,9 @@ def explain(
     recognizer = recognizer or _recognizer(examples, people, settings)
     distances = recognizer.distances([query])[0]
     found = explanation.explain(query, recognizer.library, distances, settings, recognizer.weights)
-    return RowExplanation(row, found, _file_name(row, rows))
+    mirrored = settings.classify.mirror is not None
+    sided = sided_labels({str(label) for label in recognizer.library.labels}) if mirrored else ()
+    return RowExplanation(row, found, _file_name(row, rows), tuple(sided))
 
 
 def _people(
@@ -124,15 +128,18 @@ def _people(
     ``hashes`` are the content hashes that the run saw; an input that has changed since is an error.
     An input that cannot be read is left out. ``places`` are absolute paths, where the run knows them.
     """
-    paths = {name: path_of(name, places.get(name, "")) for name in hashes}
-    spellings: dict[str, list[str]] = {}  # an input may be an example too, under another name
-    for name, path in paths.items():
-        spellings.setdefault(spelled(path, name.partition("::")[2]), []).append(name)
-    found_items = _inputs(paths, settings)
-    items = [item for item in found_items if spelled(item.path, printable(item.member)) in spellings]
+    names: dict[bytes, list[str]] = {}  # an input may be an example too, under another name
+    items: dict[bytes, Input] = {}
+    for name, item in find_inputs({name: places.get(name) for name in hashes}, settings).items():
+        if isinstance(item, GestureError):
+            raise item
+        if item.kind == "broken":
+            raise item.error()
+        names.setdefault(item.key, []).append(name)
+        items[item.key] = item
     people: dict[str, list[PoseSequence]] = {}
-    for item, found, sequences in people_of(items, settings, listener=listener):
-        for name in spellings[spelled(item.path, printable(item.member))]:
+    for item, found, sequences in people_of(list(items.values()), settings, listener=listener):
+        for name in names[item.key]:
             if found.sha256 and found.sha256 != hashes[name]:
                 raise InputError(
                     "has changed since the run",
@@ -143,19 +150,6 @@ def _people(
             if not found.code:
                 people[name] = sequences
     return people
-
-
-def _inputs(paths: Mapping[str, Path], settings: Settings) -> list[Input]:
-    """What is in the files and folders of inputs, by their names; each is looked into once."""
-    try:
-        return discover(list(dict.fromkeys(paths.values())), settings=settings)
-    except InputError as error:
-        raise InputError(
-            "is not where the run found it",
-            subject=error.subject,
-            remedy="to put it back",
-            code=error.code,
-        ) from None
 
 
 def _row(rows: Sequence[Row], name: str, person: int) -> Row:

@@ -19,11 +19,14 @@ from typing import Any
 from gesture_core.classify.examples import sided_labels
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
 from gesture_core.files import without_cache
+from gesture_core.pose.choice import described
 from gesture_core.records import Job, Row
-from gesture_core.run.extract import OpenEngine
+from gesture_core.run.extract import Listener, OpenEngine
 from gesture_core.run.inputs import Input
+from gesture_core.run.label_folders import label_folders
+from gesture_core.run.labels import word
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
-from gesture_core.run.results import Committed, Results, open_results, run_folder
+from gesture_core.run.results import Results, open_results, run_folder
 from gesture_core.run.rows import contradicting_row, rows_of, unread_row
 from gesture_core.run.store import keypoint_store, prune
 from gesture_core.run.workers.engines import Assistant
@@ -37,31 +40,6 @@ _TOGETHER = 16
 """Inputs that are decided in one call: where it ends its process, each is decided alone."""
 _LONG = 4.0
 """Times the longest example from which on an input may hold several gestures."""
-
-
-class Listener:
-    """Told about a run as it goes on; override what is of interest."""
-
-    def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
-        """The work is known: all inputs, those that still wait, the examples, the kernel."""
-
-    def stage(self, name: str) -> None:
-        """What is done from now on: ``keypoints``, ``fitting``, ``comparing`` or ``writing``."""
-
-    def network(self, text: str) -> None:
-        """What finds people in videos, and where, in words."""
-
-    def frames(self, name: str, count: int) -> None:
-        """``count`` further frames of an input are done."""
-
-    def extracted(self, name: str, cached: bool) -> None:
-        """The keypoints of an input or example are there, or it has failed."""
-
-    def example_failed(self, row: Row) -> None:
-        """An example cannot be used."""
-
-    def row(self, row: Row) -> None:
-        """A row has been committed."""
 
 
 @dataclass(frozen=True)
@@ -154,20 +132,22 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     ):
         plan = make_plan(request, results, assistant)
         listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
-        if plan.network:
-            listener.network(plan.network)
+        if "video" in plan.identity:
+            listener.network(described(plan.settings))
         run = _Run(request, plan, results, assistant, listener)
         if plan.waiting:
             run.work()
             if plan.files:
                 plan.files.sweep()  # of what has turned out to be unreadable
-            if run.added:
+            if run.frames:
                 prune(keypoint_store(), request.settings.limits.cache)
         failed = tuple(results.rows("example"))
         names = {row.input for row in failed}
         labels = [item.label for item in plan.examples if item.name not in names]
         classes = Counter(str(label) for label in labels if label)
-        lost = ({item.label for item in plan.examples if item.label} | plan.announced) - classes.keys()
+        named = {item.label for item in plan.examples if item.label}
+        if request.labels == "folder":  # a folder stands for a label, whatever is in it
+            named |= set(map(word, label_folders(plan.examples, request.examples, request.out)))
         return RunSummary(
             request.out,
             results.counts(),
@@ -177,12 +157,12 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             frames=run.frames,
             kernel=plan.kernel,
             fingerprint=plan.fingerprint,
-            lost_classes=tuple(sorted(lost)),
+            lost_classes=tuple(sorted(named - classes.keys())),
             assumed=dict(run.assumed),
             notes=dict(run.notes),
             classes=dict(sorted(classes.items())),
             sided=tuple(sided_labels(classes)) if plan.settings.classify.mirror is not None else (),
-            inputs_among_examples=results.copies(set(plan.hashes.values()) - {""}),
+            inputs_among_examples=results.copies({item.sha256 for item in plan.examples} - {""}),
             gone=plan.gone,
         )
 
@@ -195,10 +175,9 @@ class _Run:
     assistant: Assistant
     listener: Listener
     frames: int = 0
-    added: bool = False
     assumed: Counter[str] = field(default_factory=Counter)
-    _longest: float = 0.0
     notes: Counter[str] = field(default_factory=Counter)
+    _longest: float = 0.0
 
     def work(self) -> None:
         """Extract, compare, commit, until nothing waits."""
@@ -220,7 +199,7 @@ class _Run:
             most=max(len(readable), len(examples)),
             workers=self.request.workers,
             engine=self.request.engine,
-            on_frames=self.listener.frames,
+            listener=self.listener,
         ) as engine:
             if plan.examples and not self._is_fitted():
                 taken = {item.key: found for item, found in self._extract(engine, examples)}
@@ -245,7 +224,7 @@ class _Run:
         """Whether an earlier run in this folder has fitted these examples, all of which could be used."""
         if without_cache() or self.request.spot:
             return False
-        asked = {**self._place, "examples": len(self.plan.examples)}
+        asked = {**self._place, "names": [item.name for item in self.plan.examples]}
         if not self.assistant.ask("open_fitted", asked, keep=True):
             return False
         for item in self.plan.examples:
@@ -270,9 +249,7 @@ class _Run:
 
     def _extract(self, engine: OpenEngine, items: Sequence[Input]) -> Iterator[tuple[Input, Extracted]]:
         for item, found in engine.extract(items):
-            self.listener.extracted(item.name, found.cached)
             self.frames += 0 if found.cached else found.frames_read
-            self.added |= bool(found.stored) and not found.cached
             self.assumed.update([found.assumed] if found.assumed else [])
             self.notes.update(_TIMES.sub("", note) for note in found.notes if found.complete)
             yield item, found
@@ -284,11 +261,11 @@ class _Run:
         for item in self.plan.examples:
             row = self._example(item, found.get(item.key))
             if row is None:
-                content = (str(item.label), self.plan.hashes[item.key], item.member)
+                content = (str(item.label), item.sha256, item.member)
                 usable.append("\0".join(content).encode("utf-8", "surrogatepass"))
                 continue
             failed.append(row)
-            self.results.commit(Committed(item.key, item.place, ""), [row], role="example")
+            self.results.commit(replace(item, stamp=""), [row], role="example")
             self.listener.example_failed(row)
         if not usable:
             remedy, code = "" if "; try: " in failed[0].message else "better clips", Code.of(failed[0].code)
@@ -319,10 +296,10 @@ class _Run:
         """Take an example; or the row that says why it cannot be used."""
         mark = self.plan.fingerprint
         if other := self.plan.contradictions.get(item.key):
-            return contradicting_row(item, other, self.plan.hashes[item.key], mark)
+            return contradicting_row(item, other, mark)
         if found is None:
             return unread_row(item, mark)
-        if found.sha256 not in ("", self.plan.hashes[item.key]):
+        if found.sha256 not in ("", item.sha256):
             changed = Extracted(code="E_CHANGED", message="has changed since the run began; try: again")
             return rows_of(item, changed, None, mark)[0]
         if found.code or not found.people:
@@ -381,6 +358,6 @@ class _Run:
 
     def _commit(self, item: Input, rows: Sequence[Row], stamp: str = "") -> None:
         """Commit the rows of an input, with its stamp as it was read, or as it was when the run began."""
-        self.results.commit(Committed(item.key, item.place, stamp or self.plan.stamps[item.key]), rows)
+        self.results.commit(replace(item, stamp=stamp or item.stamp), rows)
         for row in rows:
             self.listener.row(row)

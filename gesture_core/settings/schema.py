@@ -214,6 +214,8 @@ class SpotSettings(_Section):
         Seconds between two events of a held gesture that make them one.
     gap : float
         Seconds without the person after which a stream begins anew.
+    live : bool
+        Find in a recording what would have been found while it went on: nothing is known of later frames.
     """
 
     mean: float = 3.0
@@ -226,6 +228,7 @@ class SpotSettings(_Section):
     patience: float | None = None
     merge: float = 1.0
     gap: float = 1.0
+    live: bool = False
 
 
 @dataclass(frozen=True)

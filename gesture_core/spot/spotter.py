@@ -15,7 +15,7 @@ from gesture_core.settings import Settings, load_settings
 from gesture_core.spot.candidates import Candidate, Search
 from gesture_core.spot.examples import NONE, SpottingExamples
 from gesture_core.spot.live import LiveSignals
-from gesture_core.spot.signals import spans, stream_chain
+from gesture_core.spot.signals import part_of, spans, stream_chain
 from gesture_core.spot.suppression import Suppression, merged
 from gesture_core.types import PoseSequence, Signals
 
@@ -103,7 +103,7 @@ class Spotter:
     names : sequence of str, optional
         What to call each example.
     live : bool
-        For `push`: signals are those that a stream can have while it goes on.
+        For `push`: signals are those that a stream can have while it goes on. ``spot.live`` says the same.
 
     Examples
     --------
@@ -125,6 +125,7 @@ class Spotter:
         alive: Callable[[], None] = lambda: None,
     ) -> None:
         ready = settings if isinstance(settings, Settings) else load_settings(settings)
+        live = live or ready.spot.live
         self.examples = SpottingExamples.fit(ready, poses, labels, names, live=live, alive=alive)
         self._settings = ready
         self._mean = 0.0 if live else ready.spot.mean
@@ -156,6 +157,8 @@ class Spotter:
         self, pose: PoseSequence, alive: Callable[[], None] = lambda: None
     ) -> tuple[list[Event], str]:
         """As `spot`, with what could not be searched as a text; ``alive`` is called now and then."""
+        if self._live is not None:
+            return self._as_live(pose, alive), ""
         chain, chosen = stream_chain(self._settings, self._mean), self._settings.spot
         found: list[Candidate] = []
         failed: list[tuple[PoseSequence, GestureError]] = []
@@ -178,6 +181,14 @@ class Spotter:
                 f"could not be searched: {failed[0][1].code}"
             )
         return [self._event(one, pose.source, pose.person) for one in events], note
+
+    def _as_live(self, pose: PoseSequence, alive: Callable[[], None]) -> list[Event]:
+        """The events of a whole recording that would have been found while it went on."""
+        events: list[Event] = []
+        for start in range(0, len(pose), BLOCK):
+            events += self.push(part_of(pose, start, start + BLOCK))
+            alive()
+        return sorted(events + self.finish(), key=lambda event: (event.start, event.end))
 
     def search(
         self,

@@ -207,7 +207,7 @@ def at_rate(pictures: Iterable[Picture], rate: float | None) -> Iterator[tuple[f
         if not before <= time < np.inf:
             raise MediaError(
                 f"its reader gives a frame the time {time} after {before}",
-                remedy="another pose.reader, or video.fps=RATE",
+                remedy="another --set pose.reader=…, or --set video.fps=RATE",
                 code="E_MEDIA_BROKEN",
             )
         before = time

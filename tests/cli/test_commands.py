@@ -157,7 +157,7 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         ([*CLASSIFY, "--preset", "no"], 2, "paper"),
         ([*CLASSIFY, "--reject", "x"], 2, "3sd"),
         ([*CLASSIFY, "--set", "gausian.sigma=1"], 2, "gauss"),
-        ([*CLASSIFY, "--set", "gaussian.sgima=1"], 2, "has no option 'sgima'; try: did you mean 'sigma'"),
+        ([*CLASSIFY, "--set", "gaussian.sgima=1"], 2, "has no option 'sgima'; try: did you mean sigma?"),
         ([*CLASSIFY, "--set", "variance.t_var=0.2"], 2, "takes no part under preset modern"),
         ([*CLASSIFY, "--set", "parts.window=-1"], 2, "filter 'parts' refuses its options: window -1"),
         ([*CLASSIFY, "--neighbors", "99"], 2, "99"),

@@ -176,7 +176,7 @@ def test_what_is_written_is_clean_and_typed(installed: Path, sources: dict[str, 
 @pytest.mark.parametrize(
     ("kind", "name", "message"),
     [
-        ("filtr", "speed", "did you mean 'filter'"),
+        ("filtr", "speed", "did you mean filter"),
         ("filter", "Speed", "lower-case letters"),
         ("filter", "3d", "a letter first"),
         ("filter", "../speed", "is no name"),

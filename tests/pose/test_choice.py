@@ -12,7 +12,10 @@ from gesture_core.errors import GestureError
 from gesture_core.pose.choice import choose_pose, described
 from gesture_core.pose.models import CARD, auto_models, known_models
 from gesture_core.run.fingerprint import pose_identity
+from gesture_core.run.inputs import Input
 from gesture_core.settings import Settings, load_settings
+
+VIDEO = Input(Path("clip.mp4"), "clip.mp4", "video")
 
 
 @pytest.fixture
@@ -73,9 +76,9 @@ def test_it_is_said_and_recorded(models: Path) -> None:
     assert text.startswith(
         "compact on onnx (cpu), about 331 frames/s a core; 'gesture models get blazepose' brings"
     )
-    before = pose_identity(settings(), with_model=True)["video"]
+    before = pose_identity(settings(), [VIDEO])["video"]
     put(models, "blazepose", ".tflite")
-    after = pose_identity(settings(), with_model=True)["video"]
+    after = pose_identity(settings(), [VIDEO])["video"]
     assert after["settings"]["model"] == "blazepose" != before["settings"]["model"]
     assert after["model"]["finder"] == before["model"]["sha256"]
     assert "models get" not in described(choose_pose(settings()))
@@ -97,6 +100,4 @@ def test_what_is_asked_for_and_not_there_is_an_error(
     with pytest.raises(GestureError, match=remedy) as caught:
         choose_pose(settings(**changes))
     assert caught.value.code == code
-    # Keypoint files need none of it.
-    kept = settings(**changes)
-    assert choose_pose(kept, needed=False) == kept
+    assert pose_identity(settings(**changes), []) == {"readers": {}}, "keypoint files need none of it"

@@ -48,7 +48,7 @@ def extract(path: Path, **changes: Any) -> tuple[Extracted, list[PoseSequence]]:
     settings = load_settings("paper", environment={}, **changes)
     (item,) = discover([path])
     store = path.parent / "store"
-    job = Job(settings.as_dict(), str(store), pose_keys(pose_identity(settings, with_model=False)))
+    job = Job(settings.as_dict(), str(store), pose_keys(pose_identity(settings, [item])))
     outcome = KeypointExtractor(job, settings, lambda _: None)(path, item.member, item.reader)
     return outcome, read_keypoints(store / outcome.stored).sequences if outcome.stored else []
 

@@ -7,12 +7,11 @@ those of one kind in the folder of its name.
 from __future__ import annotations
 
 import re
-from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 
-from gesture_core.errors import ConfigError
+from gesture_core.errors import ConfigError, near
 from gesture_core.plugin.hooks import KINDS
 from gesture_core.plugin.registry import registry
 
@@ -93,12 +92,7 @@ def write_plugin(kind: str, name: str, out: Path) -> list[Path]:
 def _check(kind: str, name: str, package: str) -> None:
     """Raise where there is no such kind, or where the name is malformed or taken."""
     if kind not in KINDS:
-        near = get_close_matches(kind, KINDS, 1)
-        raise ConfigError(
-            f"no kind of plugin {kind!r}",
-            remedy=(f"did you mean {near[0]!r}? " if near else "") + f"one of {', '.join(KINDS)}",
-            code="E_OPTION",
-        )
+        raise ConfigError(f"no kind of plugin {kind!r}", remedy=near(kind, list(KINDS)), code="E_OPTION")
     if not _NAME.fullmatch(name):
         raise ConfigError(
             f"{name!r} is no name of a plugin",

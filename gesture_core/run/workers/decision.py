@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +21,10 @@ from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import Event, Prediction
 from gesture_core.run.results import DISTANCES, FITTED
 from gesture_core.settings import Settings
-from gesture_core.spot.spotter import Spotter
 from gesture_core.types import PoseSequence, Signals
+
+if TYPE_CHECKING:
+    from gesture_core.spot.spotter import Spotter
 
 
 @contextmanager
@@ -113,6 +116,8 @@ class Decider:
         known = KnownDistances.read(run / DISTANCES, self._compared_by())
         with calling(self._entry, kept="the keypoints", remedy="another --kernel, or report it"):
             if self._spot:
+                from gesture_core.spot.spotter import Spotter  # only where a recording is looked into
+
                 self._spotter = Spotter(
                     self._poses, self._labels, self._settings, names=self._names, alive=alive
                 )
@@ -121,18 +126,19 @@ class Decider:
                 self._settings, self._signals, self._labels, self._names, alive=alive, known=known
             )
         self._known = known
-        facts = {"fingerprint": fingerprint, "examples": len(self._signals)}
         with _writing(run):
-            save_recognizer(self._recognizer, run / FITTED, facts)
+            save_recognizer(self._recognizer, run / FITTED, {"fingerprint": fingerprint})
         self.keep(run)
 
-    def open(self, run: Path, fingerprint: str, examples: int) -> bool:
+    def open(self, run: Path, fingerprint: str, names: Sequence[str]) -> bool:
         """Take the fitted examples that `fit` has left in the run folder; False where it has not.
 
-        They are all ``examples`` of the run: of one that cannot be used, the run is to say why.
+        They are all that the run has, by their ``names`` of now: of one that cannot be used, the run is to
+        say why, and what was renamed is not to be found under its old name.
         """
         known = KnownDistances.read(run / DISTANCES, self._compared_by())
-        self._recognizer = open_fitted(run, fingerprint, known, examples)
+        fitted = open_fitted(run, fingerprint, known)
+        self._recognizer = fitted if fitted and list(fitted.library.names) == list(names) else None
         self._known = known if self._recognizer else None
         return self._recognizer is not None
 
@@ -175,9 +181,7 @@ class Decider:
         return [prediction for pose in poses for prediction in self.predict([pose])]
 
 
-def open_fitted(
-    run: Path, fingerprint: str, known: KnownDistances | None = None, examples: int | None = None
-) -> Recognizer | None:
+def open_fitted(run: Path, fingerprint: str, known: KnownDistances | None = None) -> Recognizer | None:
     """The fitted examples that a run has left in its folder.
 
     None where there are none, or those of other settings or examples, or of another version: they are a
@@ -187,5 +191,4 @@ def open_fitted(
         recognizer, facts = load_recognizer(run / FITTED, known)
     except InputError:
         return None
-    count = facts.get("examples") if examples is None else examples
-    return recognizer if (fingerprint, count) == (facts.get("fingerprint"), facts.get("examples")) else None
+    return recognizer if facts.get("fingerprint") == fingerprint else None

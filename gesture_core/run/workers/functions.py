@@ -15,7 +15,6 @@ from typing import Any
 from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError
 from gesture_core.plugin.abilities import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
-from gesture_core.run.workers.keypoints import open_reader
 from gesture_core.run.workers.worker import Worker
 
 Answer = bool | tuple[str, str]
@@ -79,7 +78,7 @@ def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
     for path in paths:
         try:
             with calling(registry().find("reader", reader), passing=(OSError,)):
-                answers.append(bool(open_reader(reader, worker.settings).accepts(decoded(path))))
+                answers.append(bool(worker.extractor.reader(reader).accepts(decoded(path))))
         except GestureError as error:
             answers.append((error.code, error.cause))
         except OSError as error:
@@ -92,7 +91,7 @@ def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
 def refusal(worker: Worker, reader: str, path: str) -> str:
     """Why a reader does not take a file; empty where it does not say."""
     with calling(registry().find("reader", reader), passing=(OSError,)):
-        opened = open_reader(reader, worker.settings)
+        opened = worker.extractor.reader(reader)
         return str(opened.refusal(decoded(path))) if isinstance(opened, ExplainsRefusal) else ""
 
 
@@ -100,7 +99,7 @@ def members(worker: Worker, reader: str, path: str) -> list[str]:
     """Names of the sequences in a file or folder, one at least."""
     entry = registry().find("reader", reader)
     with calling(entry):
-        found = list(open_reader(reader, worker.settings).members(decoded(path)))
+        found = list(worker.extractor.reader(reader).members(decoded(path)))
     if not found or not all(isinstance(member, str) for member in found):
         cause = f"{entry} says that its members are {str(found)[:80]}"
         raise PluginError(cause, code="E_PLUGIN_CONTRACT")
@@ -125,10 +124,10 @@ def fit(worker: Worker, run: str, fingerprint: str) -> None:
     worker.decider.fit(decoded(run), fingerprint, worker.alive)
 
 
-def open_fitted(worker: Worker, run: str, fingerprint: str, examples: int) -> bool:
+def open_fitted(worker: Worker, run: str, fingerprint: str, names: Sequence[str]) -> bool:
     """Take what `fit` has left in the run folder; False where that is of other settings or examples."""
     worker.report({"slow": True})
-    return worker.decider.open(decoded(run), fingerprint, examples)
+    return worker.decider.open(decoded(run), fingerprint, names)
 
 
 def keep_distances(worker: Worker, run: str) -> None:
@@ -174,6 +173,37 @@ def spot(worker: Worker, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[
     return answers
 
 
+def open_query(worker: Worker, stored: str, name: str, top: int) -> None:
+    """Take the first person of a stored clip as what is looked for."""
+    from gesture_core.spot.find import Query
+
+    worker.report({"slow": True})
+    worker.query = Query(_people(worker, stored, name)[0], worker.settings, top)
+
+
+def find(worker: Worker, name: str, stored: str) -> dict[str, Any]:
+    """The places in a stored input that are among the nearest of all that this worker has searched.
+
+    A dict of ``hits``, ``notes``, ``frames``, ``warped`` and the ``code`` and ``message`` of an error.
+    """
+    assert worker.query is not None, "open_query comes first"
+    query, before = worker.query, (worker.query.frames, worker.query.warped)
+    found: dict[str, Any] = {"hits": [], "notes": [], "code": "", "message": ""}
+    worker.report({"slow": True})
+    for pose in _people(worker, stored, name):
+        try:
+            hits, note = query.search(pose, worker.alive)
+        except ConfigError:
+            raise
+        except GestureError as error:
+            found |= {"code": error.code, "message": error.message}
+            continue
+        found["hits"] += [asdict(hit) for hit in hits]
+        found["notes"] += [note] if note else []
+    found["frames"], found["warped"] = query.frames - before[0], query.warped - before[1]
+    return found
+
+
 def cut(
     worker: Worker, path: str, sha256: str, clips: Sequence[Mapping[str, Any]], sound: bool
 ) -> list[dict[str, Any]]:
@@ -210,7 +240,7 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
         try_model, extract, accepts, refusal, members, open_classifier, add_example, fit, open_fitted, decide,
-        keep_distances, spot, cut, suffix, write_rows,
+        keep_distances, spot, open_query, find, cut, suffix, write_rows,
     )
 }  # fmt: skip
 """Every function that a task may name; each takes the `Worker` and the task's arguments."""

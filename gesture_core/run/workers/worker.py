@@ -20,14 +20,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from gesture_core import errors
-from gesture_core.errors import GestureError, InputError, PluginError
-from gesture_core.plugin.registry import described, watch
+from gesture_core.errors import GestureError, InputError, PluginError, described
+from gesture_core.plugin.registry import watch
 from gesture_core.records import Job, Outcome, Task
 
 if TYPE_CHECKING:
     from gesture_core.run.workers.decision import Decider
     from gesture_core.run.workers.keypoints import KeypointExtractor
     from gesture_core.settings import Settings
+    from gesture_core.spot.find import Query
 
 _RESERVED = 1024
 """MiB of addresses that libraries reserve and hardly use: allocators' arenas, stacks of threads."""
@@ -46,6 +47,8 @@ class Worker:
     def __init__(self, job: Job, report: Callable[[dict[str, Any]], None]) -> None:
         self.job = job
         self.report = report
+        self.query: Query | None = None
+        """What is looked for, from the function ``open_query`` on."""
 
     @cached_property
     def settings(self) -> Settings:

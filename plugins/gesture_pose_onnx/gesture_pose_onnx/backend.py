@@ -60,7 +60,7 @@ class OnnxBackend(NetworkBackend):
             raise ModelError(
                 f"onnxruntime has {self.device}, but cannot load its libraries",
                 subject=subject,
-                remedy="pose.provider=cpu, or the libraries of that provider",
+                remedy="--set pose.provider=cpu, or the libraries of that provider",
                 code="E_PROVIDER",
             )
         self._input = self._session.get_inputs()[0].name
