@@ -44,8 +44,8 @@ def render(
     overwrite
         Replace a file that is there.
     """
+    from gesture_core.pose.overlay import cropped, overlay, write_strip
     from gesture_core.records import VideoLimits
-    from gesture_core.report.overlay import cropped, overlay, write_strip
     from gesture_core.video import open_video
     from gesture_core.video.writer import can_write_video, write_video
 

@@ -200,6 +200,12 @@ class Results:
         for record in self._db.execute(query, (role,)):
             yield Row.from_record(_ADDED | dict(record))
 
+    def keyed_rows(self) -> Iterator[tuple[bytes, Row]]:
+        """All rows of inputs, ordered as by `rows`, each with the key of its input."""
+        query = "SELECT * FROM rows WHERE role = 'query' ORDER BY input, key, person, rowid"
+        for record in self._db.execute(query):
+            yield record["key"], Row.from_record(_ADDED | dict(record))
+
     def place_of(self, name: str) -> Path | None:
         """The absolute path of the input called ``name``."""
         query = "SELECT place FROM rows WHERE role = 'query' AND input = ?"
