@@ -169,7 +169,6 @@ class Code(StrEnum):
     SIGNAL_CHANNELS = "E_SIGNAL_CHANNELS", "a filter needs channels that are gone", "another order of filters"
     SIGNAL_SHORT = "E_SIGNAL_SHORT", "a series is too short for its derivative", "series of 3 frames or more"
     MIRROR = "E_MIRROR", "a channel has no counterpart on the other side", "--set classify.mirror=none"
-    DTW = "E_DTW", "a warping distance is not defined", "another DtwSpec"
     BAND_INFEASIBLE = "E_BAND_INFEASIBLE", "no warping path fits into the band", "a wider --set dtw.window=…"
     KERNEL_UNSUPPORTED = "E_KERNEL_UNSUPPORTED", "a kernel does not compute this", "--kernel auto"
     DIMENSIONS = "E_DIMENSIONS", "series or arrays of different widths", "series of one preset"
@@ -293,7 +292,7 @@ class ConfigError(GestureError):
 
 
 class InputError(GestureError):
-    """A source, example library or array that cannot be used."""
+    """A source, example library, array or series that cannot be used."""
 
     code = "E_INPUT"
 
@@ -326,12 +325,6 @@ class SignalError(GestureError):
     """Keypoints from which no usable signal can be made."""
 
     code = "E_SIGNAL"
-
-
-class WarpingError(GestureError):
-    """A warping distance that is not defined: an infeasible band, an empty or infinite series."""
-
-    code = "E_DTW"
 
 
 class PluginError(GestureError):

@@ -42,14 +42,13 @@ def cache_dir() -> Path:
     return Path(platformdirs.user_cache_dir("gesture-core", appauthor=False))
 
 
-def without_cache() -> bool:
-    """Whether ``$GESTURE_NO_CACHE`` asks for work to be done again whose result is in the cache."""
-    return os.environ.get("GESTURE_NO_CACHE", "").lower() not in ("", "0", "false", "no")
+def switched_on(variable: str) -> bool:
+    """Whether an environment variable asks for something.
 
-
-def with_tracebacks() -> bool:
-    """Whether ``$GESTURE_TRACEBACK`` asks for the places where errors were raised."""
-    return os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
+    ``GESTURE_NO_CACHE`` for work to be done again whose result is in the cache, ``GESTURE_TRACEBACK`` for the
+    places where errors were raised, ``GESTURE_OFFLINE`` for no downloads.
+    """
+    return os.environ.get(variable, "").lower() not in ("", "0", "false", "no")
 
 
 def models_dir() -> Path:
@@ -60,11 +59,6 @@ def models_dir() -> Path:
     import platformdirs
 
     return Path(platformdirs.user_data_dir("gesture-core", appauthor=False)) / "models"
-
-
-def offline() -> bool:
-    """Whether ``$GESTURE_OFFLINE`` forbids downloads."""
-    return os.environ.get("GESTURE_OFFLINE", "").lower() not in ("", "0", "false", "no")
 
 
 def printable(name: str | os.PathLike[str]) -> str:

@@ -17,7 +17,7 @@ from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Unused
 from gesture_core import __version__
 from gesture_core.cli.output import say, say_event
 from gesture_core.errors import Code, ConfigError, GestureError
-from gesture_core.files import printable, with_tracebacks
+from gesture_core.files import printable, switched_on
 
 EXIT_PIPE = 141
 """Of a command whose output was closed: 128 and the number of SIGPIPE."""
@@ -93,9 +93,12 @@ def run(arguments: Sequence[str]) -> int:
     arguments = [word for place, word in enumerate(arguments) if word not in asked or place >= end]
     before = {name: os.environ.get(name) for name in FLAGS_OF_EVERY_COMMAND.values()}
     os.environ.update({FLAGS_OF_EVERY_COMMAND[flag]: "1" for flag in asked})  # of worker processes, too
+    notes = _Notes(logging.WARNING)
+    logging.getLogger("gesture_core").addHandler(notes)
     try:
-        return _run(arguments)
+        return _done(arguments, traced=switched_on("GESTURE_TRACEBACK"))
     finally:
+        logging.getLogger("gesture_core").removeHandler(notes)
         for name, value in before.items():
             os.environ.pop(name, None)
             os.environ.update({} if value is None else {name: value})
@@ -109,16 +112,6 @@ class _Notes(logging.Handler):
             say(record.getMessage())
         else:
             say_event("note", text=record.getMessage())
-
-
-def _run(arguments: list[str]) -> int:
-    traced = with_tracebacks()
-    notes = _Notes(logging.WARNING)
-    logging.getLogger("gesture_core").addHandler(notes)
-    try:
-        return _done(arguments, traced)
-    finally:
-        logging.getLogger("gesture_core").removeHandler(notes)
 
 
 def _done(arguments: list[str], traced: bool) -> int:

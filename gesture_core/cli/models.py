@@ -31,7 +31,8 @@ app = cyclopts.App(
 def list_models() -> int:
     """List the networks that are here, and the public ones that can be fetched or added."""
     from gesture_core.files import models_dir
-    from gesture_core.pose.models import added_names, find_model, known_models, read_card
+    from gesture_core.pose.model_store import added_names, read_card
+    from gesture_core.pose.models import find_model, known_models
 
     here: list[tuple[str, ...]] = []
     get: list[tuple[str, ...]] = []

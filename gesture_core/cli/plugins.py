@@ -118,8 +118,7 @@ def _make(found: Registry, entry: Registration) -> None:
         Whatever is wrong with it, such as a pose backend that takes no ``model``.
     """
     from gesture_core.plugin.interfaces import INTERFACES, Closeable
-    from gesture_core.pose.choice import choose_pose
-    from gesture_core.pose.models import find_model
+    from gesture_core.pose.models import choose_pose, find_model
 
     target, kind = found.load(entry.kind, entry.name), KINDS[entry.kind]
     try:

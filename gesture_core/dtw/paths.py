@@ -8,7 +8,7 @@ from gesture_core.dtw.bands import allowed_cells
 from gesture_core.dtw.batches import make_batches, used_dimensions
 from gesture_core.dtw.reference import local_costs
 from gesture_core.dtw.spec import DtwSpec, as_spec
-from gesture_core.errors import ConfigError, WarpingError
+from gesture_core.errors import ConfigError, InputError
 from gesture_core.types import Signals
 
 
@@ -39,7 +39,7 @@ def warping_path(
     ------
     ConfigError
         For soft warping, and where ``dimension`` is missing, too many, or not compared.
-    InputError, WarpingError
+    InputError
         As `warping_distances`; in dependent mode also where the two have no dimension in common.
 
     Examples
@@ -66,7 +66,7 @@ def _chosen(every: np.ndarray, width: int, spec: DtwSpec, dimension: int | None)
         if dimension is not None:
             raise ConfigError("dependent warping has one path for all dimensions", code="E_OPTION")
         if len(every) == 0:
-            raise WarpingError("the two have no dimension in common", code="E_NO_COMMON")
+            raise InputError("the two have no dimension in common", code="E_NO_COMMON")
         return every
     if dimension is None and width > 1:
         raise ConfigError(

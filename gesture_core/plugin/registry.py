@@ -32,7 +32,7 @@ from gesture_core.errors import (
     described,
     near,
 )
-from gesture_core.files import code_sha256, with_tracebacks
+from gesture_core.files import code_sha256, switched_on
 from gesture_core.plugin import hooks
 from gesture_core.plugin.hooks import KINDS
 
@@ -308,7 +308,7 @@ def calling(
 
 def tracebacks() -> bool:
     """Whether ``GESTURE_TRACEBACK`` asks for it, or a plugin is being debugged: see `show_tracebacks`."""
-    return bool(_shown) or with_tracebacks()
+    return bool(_shown) or switched_on("GESTURE_TRACEBACK")
 
 
 def show_tracebacks(shown: bool) -> None:

@@ -12,7 +12,7 @@ from gesture_core.errors import MediaError
 from gesture_core.files import replacing
 from gesture_core.skeletons import Skeleton, skeleton
 from gesture_core.types import PoseSequence
-from gesture_core.video.frames import room_around
+from gesture_core.video.writer import room_around
 
 Colour = tuple[int, int, int]
 """Blue, green and red."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gesture_core.errors import KeypointError
+from gesture_core.signals.repair import placeholders
 from gesture_core.skeletons import COCO18, SKELETONS
 from gesture_core.types import PoseSequence
 
@@ -38,6 +41,10 @@ def check_plausible(pose: PoseSequence) -> list[str]:
     KeypointError
         E_KEYPOINTS_IMPLAUSIBLE with the figures, and the option of ``keypoints`` to try.
     """
+    # A joint at 0, 0 is none, whatever its score: it is taken out later (`gesture_core.signals.repair`).
+    zero = placeholders(pose)
+    if zero.any() and not zero[pose.seen].all():
+        pose = replace(pose, keypoints=np.where(zero[..., None], np.float32(np.nan), pose.keypoints))
     body = pose.as_coco18()
     points = body.keypoints.astype(np.float64)
     points = points[body.seen.any(axis=1)]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gesture_core.cores import usable_cores
-from gesture_core.files import cache_dir, tree_sha256, without_cache
+from gesture_core.files import cache_dir, switched_on, tree_sha256
 from gesture_core.run.inputs import Input
 from gesture_core.run.store import keypoint_store
 from gesture_core.run.workers.functions import encoded
@@ -81,7 +81,7 @@ class RowPreviews:
                 old.unlink()
         tasks: dict[Input, list[str]] = {}
         for name, (item, *_) in self._wanted.items():
-            if without_cache() or not _cached(name).is_file():
+            if switched_on("GESTURE_NO_CACHE") or not _cached(name).is_file():
                 tasks.setdefault(item, []).append(name)
             else:
                 made(name)

@@ -16,6 +16,7 @@ from gesture_core.classify.explanation import Explanation
 from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import GestureError, InputError, RunFolderError
 from gesture_core.records import Row
+from gesture_core.run.annotations import event_of
 from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.found_again import find_inputs
 from gesture_core.run.inputs import Input
@@ -51,7 +52,12 @@ class RowExplanation:
 
 
 def explain(
-    run: str | os.PathLike[str], input: str, person: int = 0, *, listener: Listener | None = None
+    run: str | os.PathLike[str],
+    input: str,
+    person: int = 0,
+    event: int = 0,
+    *,
+    listener: Listener | None = None,
 ) -> RowExplanation:
     """Explain a row of a run: `gesture explain` as a function.
 
@@ -64,6 +70,9 @@ def explain(
         The input as the row names it, or a part of its name that no other one has.
     person : int
         Which person of the input, where it has several.
+    event : int
+        Which event, in a run of `gesture spot`; the first one by default. The examples must be where the run
+        found them.
     listener : Listener, optional
         Told about the extraction of keypoints that are not in the store any more.
 
@@ -86,15 +95,11 @@ def explain(
     """
     with open_results(run) as results:
         rows = list(results.rows())
-        row = _row(rows, input, person)
-        if row.event or row.code == "E_NO_EVENT":
-            raise RunFolderError(
-                "is a run of gesture spot, and events have no explanation yet", subject=os.fspath(run),
-                remedy="a clip of the event, and gesture classify", code="E_NO_RUN",
-            )  # fmt: skip
+        row = _row(rows, input, person, event)
         configuration = json.loads(results.get("configuration") or "{}")
         left_out = {failed.input for failed in results.rows("example")}
         place = results.place_of(row.input)
+        fingerprint = results.get("fingerprint") or ""  # of all its rows: other settings were refused
     if not configuration.get("examples"):
         raise RunFolderError(
             "holds keypoints only, nothing was classified",
@@ -106,7 +111,9 @@ def explain(
         raise _nothing(row)
     examples = {n: known for n, known in configuration["examples"].items() if n not in left_out}
     hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
-    recognizer = open_fitted(Path(run), row.fingerprint)
+    if row.event:
+        return _explain_event(row, rows, examples, hashes, place, configuration, listener)
+    recognizer = open_fitted(Path(run), fingerprint)
     settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])
     places = {name: known["path"] for name, known in examples.items() if "path" in known}
     wanted = {row.input: row.sha256} if recognizer else hashes
@@ -118,6 +125,41 @@ def explain(
     mirrored = settings.classify.mirror is not None
     sided = sided_labels({str(label) for label in recognizer.library.labels}) if mirrored else ()
     return RowExplanation(row, found, _file_name(row, rows), tuple(sided))
+
+
+def _explain_event(
+    row: Row,
+    rows: Sequence[Row],
+    examples: Mapping[str, Any],
+    hashes: Mapping[str, str],
+    place: Path | None,
+    configuration: Mapping[str, Any],
+    listener: Listener | None,
+) -> RowExplanation:
+    """The event of a row, aligned with its example."""
+    from gesture_core.spot.explanation import explain_event
+
+    settings = settings_from_dict(configuration["settings"])
+    places = {name: known["path"] for name, known in examples.items() if "path" in known}
+    people = _people(hashes, places | {row.input: os.fspath(place or "")}, settings, listener)
+    poses = [pose for pose in people.get(row.input, []) if pose.person == row.person]
+    names = [name for name in examples if people.get(name)]
+    if not poses or row.neighbors[0][0] not in names:
+        raise InputError(
+            "the event's keypoints, or those of its example, are not there any more",
+            subject=row.input,
+            remedy="gesture spot once more",
+            code="E_CHANGED",
+        )
+    found = explain_event(
+        event_of(row),
+        poses[0],
+        [people[name][0] for name in names],
+        [str(examples[name]["label"]) for name in names],
+        names,
+        settings,
+    )
+    return RowExplanation(row, found, _file_name(row, rows))
 
 
 def _people(
@@ -152,8 +194,11 @@ def _people(
     return people
 
 
-def _row(rows: Sequence[Row], name: str, person: int) -> Row:
-    """The row of the input called ``name``, or the only one whose name ends so, or holds it."""
+def _row(rows: Sequence[Row], name: str, person: int, event: int = 0) -> Row:
+    """The row of the input called ``name``, or the only one whose name ends so, or holds it.
+
+    Of several events of the person, the one of that number, or the first.
+    """
     names = dict.fromkeys(row.input for row in rows)
     found = (
         [n for n in names if n == name]
@@ -168,9 +213,14 @@ def _row(rows: Sequence[Row], name: str, person: int) -> Row:
             code="E_NOT_FOUND",
         )
     for row in rows:
-        if row.input == found[0] and row.person == person:
+        if row.input == found[0] and row.person == person and (not event or row.event == event):
             return row
-    known = " or ".join(f"--person {row.person}" for row in rows if row.input == found[0])
+    own = [row for row in rows if row.input == found[0]]
+    if event and any(row.person == person for row in own):
+        last = max(row.event for row in own if row.person == person)
+        remedy = f"--event 1 to {last}" if last else ""
+        raise InputError(f"has no event {event}", subject=found[0], remedy=remedy, code="E_NOT_FOUND")
+    known = " or ".join(dict.fromkeys(f"--person {row.person}" for row in own))
     raise InputError(f"has no person {person}", subject=found[0], remedy=known, code="E_NOT_FOUND")
 
 
@@ -178,7 +228,7 @@ def _file_name(row: Row, rows: Sequence[Row]) -> str:
     """The file's name, with its folders where several files have it, and the person."""
     same = {other.input for other in rows if Path(other.input).name == Path(row.input).name}
     name = Path(row.input).name if len(same) == 1 else row.input.lstrip("./")
-    number = f"-{row.person}" if row.person else ""
+    number = (f"-{row.person}" if row.person else "") + (f"-event{row.event}" if row.event else "")
     safe = re.sub(r"[^\w.-]+", "_", name)
     return f"explain-{safe[-80:]}{number}.png"
 

@@ -11,7 +11,7 @@ from gesture_core.errors import Code, ConfigError, ModelError, PluginError, RunF
 from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.abilities import Closeable
 from gesture_core.plugin.registry import calling, registry
-from gesture_core.pose.choice import choose_pose, described
+from gesture_core.pose.models import choose_pose, described
 from gesture_core.records import Job, Outcome, Row, Task
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.run.inputs import Input

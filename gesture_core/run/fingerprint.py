@@ -56,9 +56,8 @@ def pose_identity(settings: Settings, items: Collection[Input]) -> dict[str, Any
 
 
 def _video_identity(settings: Settings) -> dict[str, Any]:
-    from gesture_core.pose.choice import choose_pose
     from gesture_core.pose.extract import REVISION
-    from gesture_core.pose.models import FINDER, find_model
+    from gesture_core.pose.models import FINDER, choose_pose, find_model
     from gesture_core.video import reader_name
 
     plugins, settings = registry(), choose_pose(settings)
@@ -146,20 +145,17 @@ def with_parts_of(earlier: Mapping[str, Any], configuration: Mapping[str, Any]) 
 
 
 def _told(settings: Settings, identity: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings that count: those of videos only where there are any."""
-    tree = _placed(settings).as_dict()
+    """The settings that count: those of videos only where there are any, and the file of a network, if it is
+    one, as it is found from any folder.
+    """
+    tree = settings.as_dict()
+    model = Path(settings.pose.model).expanduser()
+    if model.name != settings.pose.model and model.is_file():
+        tree["pose"]["model"] = str(model.absolute())
     if "video" not in identity:
         del tree["video"]
         tree["pose"] = {name: tree["pose"][name] for name in ("people", "score")}
     return tree
-
-
-def _placed(settings: Settings) -> Settings:
-    """The settings with the file of a model, if it is one, as it is found from any folder."""
-    model = Path(settings.pose.model).expanduser()
-    if model.name == settings.pose.model or not model.is_file():
-        return settings
-    return replace(settings, pose=replace(settings.pose, model=str(model.absolute())))
 
 
 def fingerprint(configuration: Mapping[str, Any]) -> str:

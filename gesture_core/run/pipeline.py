@@ -18,8 +18,8 @@ from typing import Any
 
 from gesture_core.classify.examples import sided_labels
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
-from gesture_core.files import without_cache
-from gesture_core.pose.choice import described
+from gesture_core.files import switched_on
+from gesture_core.pose.models import described
 from gesture_core.records import Job, Row
 from gesture_core.run.extract import Listener, OpenEngine
 from gesture_core.run.inputs import Input
@@ -178,6 +178,7 @@ class _Run:
     assumed: Counter[str] = field(default_factory=Counter)
     notes: Counter[str] = field(default_factory=Counter)
     _longest: float = 0.0
+    _warned: bool = False
 
     def work(self) -> None:
         """Extract, compare, commit, until nothing waits."""
@@ -193,6 +194,7 @@ class _Run:
             for item in plan.examples
             if item.kind in ("video", "keypoints") and item.key not in plan.contradictions
         ]
+        self._look_ahead(readable, examples)
         with OpenEngine(
             plan.settings,
             plan.identity,
@@ -209,7 +211,7 @@ class _Run:
             last = time.monotonic()
             self.listener.stage("keypoints")
             for item, found in self._extract(engine, readable):
-                self._warn_of_length(item, found)
+                self._warn_of_length(item, found.seconds, self._longest)
                 arrived.append((item, found))
                 if len(arrived) >= _BATCH or time.monotonic() - last > _SECONDS_BETWEEN_BATCHES:
                     self._decide(arrived)
@@ -222,7 +224,7 @@ class _Run:
 
     def _is_fitted(self) -> bool:
         """Whether an earlier run in this folder has fitted these examples, all of which could be used."""
-        if without_cache() or self.request.spot:
+        if switched_on("GESTURE_NO_CACHE") or self.request.spot:
             return False
         asked = {**self._place, "names": [item.name for item in self.plan.examples]}
         if not self.assistant.ask("open_fitted", asked, keep=True):
@@ -236,16 +238,34 @@ class _Run:
         """Where what is fitted lies, and what it belongs to."""
         return {"run": encoded(self.request.out), "fingerprint": self.plan.fingerprint}
 
-    def _warn_of_length(self, item: Input, found: Extracted) -> None:
+    def _look_ahead(self, inputs: Sequence[Input], examples: Sequence[Input]) -> None:
+        """Say before hours of extraction that a video is much longer than the examples."""
+        one, other = _largest_video(inputs), _largest_video(examples)
+        if self.request.spot or not one or not other:
+            return
+        (size, item), (own, example) = one, other
+        if size < own * _LONG:
+            return
+        try:
+            lengths = [
+                self.assistant.ask("lasts", {"path": encoded(one.path)}, retry=False)
+                for one in (item, example)
+            ]
+        except GestureError:  # what is wrong with it stands in its row
+            return
+        if None not in lengths:
+            self._warn_of_length(item, *lengths)
+
+    def _warn_of_length(self, item: Input, seconds: float, longest: float) -> None:
         """Say of the first input that is much longer than the examples what is for such inputs."""
-        if self.request.spot or not 0 < self._longest * _LONG < found.seconds:
+        if self.request.spot or self._warned or not 0 < longest * _LONG < seconds:
             return
         warnings.warn(
-            f"{item.name} lasts {found.seconds:.0f} s, the longest example {self._longest:.1f} s: such "
+            f"{item.name} lasts {seconds:.0f} s, the longest example {longest:.1f} s: such "
             "inputs get one label here; gesture spot finds every gesture in them, with its start and end",
             stacklevel=2,
         )
-        self._longest = 0.0
+        self._warned = True
 
     def _extract(self, engine: OpenEngine, items: Sequence[Input]) -> Iterator[tuple[Input, Extracted]]:
         for item, found in engine.extract(items):
@@ -361,3 +381,11 @@ class _Run:
         self.results.commit(replace(item, stamp=stamp or item.stamp), rows)
         for row in rows:
             self.listener.row(row)
+
+
+def _largest_video(items: Sequence[Input]) -> tuple[int, Input] | None:
+    """The largest file among the videos, and its size."""
+    found = [
+        (item.path.stat().st_size, item) for item in items if item.kind == "video" and item.path.exists()
+    ]
+    return max(found, key=lambda pair: pair[0], default=None)

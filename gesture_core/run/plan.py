@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.files import content_sha256, stamp, without_cache
+from gesture_core.files import content_sha256, stamp, switched_on
 from gesture_core.plugin import registry
-from gesture_core.pose.choice import choose_pose
+from gesture_core.pose.models import choose_pose
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import (
     differences,
@@ -157,7 +157,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     identity = pose_identity(settings, every)
     configuration = run_configuration(settings, identity, examples, kernel, request.spot)
     configuration, changed = _compared(results, configuration, overwrite=request.overwrite)
-    again = changed or request.overwrite or without_cache()
+    again = changed or request.overwrite or switched_on("GESTURE_NO_CACHE")
     done = {} if again else results.done(retry_errors=request.retry_errors)
     files = None
     if not examples:

@@ -15,7 +15,7 @@ import numpy as np
 
 from gesture_core.errors import Code, ConfigError, GestureError, InputError
 from gesture_core.files import printable
-from gesture_core.pose.choice import choose_pose, described
+from gesture_core.pose.models import choose_pose, described
 from gesture_core.run.archive import Sources, as_strings, with_changes
 from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.inputs import discover

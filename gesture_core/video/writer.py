@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from fractions import Fraction
 from pathlib import Path
@@ -132,3 +132,16 @@ def write_video(
         for time, frame in frames:
             writer.add(time, frame)
     return writer.count
+
+
+def room_around(boxes: Sequence[Sequence[float]], margin: float = 0.15) -> tuple[slice, slice]:
+    """The part of a frame in which all ``boxes`` lie: left, top, right and bottom of each, in pixels.
+
+    On each side there is ``margin`` more, as a share of the longer side of that place.
+    """
+    edges = np.array(boxes)
+    low, high = edges[:, :2].min(axis=0), edges[:, 2:].max(axis=0)
+    room = margin * float((high - low).max())
+    left, top = np.maximum(low - room, 0).astype(int).tolist()
+    right, bottom = np.ceil(high + room + 1).astype(int).tolist()
+    return slice(top, bottom), slice(left, right)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from gesture_core.dtw.distances import choose_kernel, warping_distances
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.errors import ConfigError, InputError, PluginError, WarpingError
+from gesture_core.errors import ConfigError, InputError, PluginError
 from gesture_core.plugin import registry
 from gesture_core.plugin.interfaces import ApproximateKernel
 from gesture_core.testing import Case, compare, draw_batch, reference_table
@@ -116,7 +116,7 @@ def test_wrong_input_is_refused_at_the_boundary(queries: list[np.ndarray], messa
 
 def test_an_infeasible_band_names_the_pair() -> None:
     queries, examples = [np.zeros(5), np.zeros(30)], [np.zeros(30), np.zeros(30)]
-    with pytest.raises(WarpingError, match=r"query 0 \(5 frames\) and example 0 \(30 frames\)"):
+    with pytest.raises(InputError, match=r"query 0 \(5 frames\) and example 0 \(30 frames\)"):
         warping_distances(queries, examples, DtwSpec(window=0))
 
 

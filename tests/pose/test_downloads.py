@@ -20,8 +20,8 @@ from gesture_core.cli.main import run
 from gesture_core.errors import ModelError
 from gesture_core.pose import models as models_module
 from gesture_core.pose.downloads import get_model
-from gesture_core.pose.model_store import add_model
-from gesture_core.pose.models import KnownModel, added_names, find_model, known_models, read_card
+from gesture_core.pose.model_store import add_model, added_names, read_card
+from gesture_core.pose.models import KnownModel, find_model, known_models
 
 WHEEL = "tiny_pose-1.0-py3-none-any.whl"
 

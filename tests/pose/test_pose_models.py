@@ -21,8 +21,8 @@ from gesture_core.cli.main import run
 from gesture_core.errors import GestureError, ModelError
 from gesture_core.pose import models as models_module
 from gesture_core.pose.downloads import downloaded
-from gesture_core.pose.model_store import add_model, verify_models
-from gesture_core.pose.models import added_names, find_model, known_models, read_card
+from gesture_core.pose.model_store import add_model, added_names, read_card, verify_models
+from gesture_core.pose.models import find_model, known_models
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.run.inputs import Input
 from gesture_core.settings import load_settings

@@ -14,7 +14,7 @@ import pytest
 from trouble_plugin import FIGURE
 from troubles import write_clip, write_video
 
-from gesture_core import classify_archive, load_poses
+from gesture_core import classify_archive, explain, load_poses
 from gesture_core.cli.main import run
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.pose.models import CARD, known_models
@@ -69,6 +69,9 @@ def test_a_video_among_keypoint_files_is_an_input_like_any_other(
     files = [folder / "videos" / f"{label}.npz" for label in ("left", "right")]
     assert classify(folder, *files, pose__model="another").done_now == 0
     assert classify(folder, pose__model="compact").done_now == 0
+    shutil.move(folder / "examples", folder / "away")  # what was fitted explains the first rows, too
+    assert explain(folder / "run", "left.npz").explanation.nearest.label == "left"
+    shutil.move(folder / "away", folder / "examples")
     with pytest.raises(ConfigError, match=r"pose\.score"):
         classify(folder, pose__model="compact", pose__score=0.3)
 

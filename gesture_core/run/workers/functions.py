@@ -72,6 +72,18 @@ def extract(worker: Worker, path: str, member: str, reader: str) -> dict[str, An
     return asdict(worker.extractor(decoded(path), member, reader))
 
 
+def lasts(worker: Worker, path: str) -> float | None:
+    """Seconds of a video by what its container says, None where it does not."""
+    from gesture_core.plugin.interfaces import VideoLimits
+    from gesture_core.video import open_video
+
+    chosen = worker.settings
+    limits = VideoLimits(chosen.limits.pixels, chosen.limits.frames)
+    with open_video(decoded(path), chosen.pose.reader, limits, chosen.options, chosen.video.fps) as video:
+        info = video.info
+    return info.frames_declared / info.fps if info.frames_declared and info.fps else None
+
+
 def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
     """For each path whether the reader takes it, or what went wrong."""
     answers: list[Answer] = []
@@ -252,8 +264,8 @@ def write_rows(worker: Worker, run: str, format: str, path: str) -> None:
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        try_model, extract, accepts, refusal, members, open_classifier, add_example, fit, open_fitted, decide,
-        keep_distances, spot, open_query, find, cut, draw_previews, suffix, write_rows,
+        try_model, extract, lasts, accepts, refusal, members, open_classifier, add_example, fit, open_fitted,
+        decide, keep_distances, spot, open_query, find, cut, draw_previews, suffix, write_rows,
     )
 }  # fmt: skip
 """Every function that a task may name; each takes the `Worker` and the task's arguments."""

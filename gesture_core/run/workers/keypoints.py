@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
-from gesture_core.files import content_sha256, stamp, tree_sha256, without_cache
+from gesture_core.files import content_sha256, stamp, switched_on, tree_sha256
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import Job, VideoLimits
 from gesture_core.run.store import mark_used, read_keypoints, write_keypoints
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import KeypointReader, PoseBackend, Video
-    from gesture_core.video.frames import Picture
+    from gesture_core.video.reader import Picture
 
 _REPORT_SECONDS = 0.5
 _OFTEN = 1 / 3
@@ -164,7 +164,7 @@ class KeypointExtractor:
 
     def _from_store(self, name: str, found: Extracted) -> Extracted | None:
         path = Path(self._job.store) / name
-        if without_cache() or not path.is_file():
+        if switched_on("GESTURE_NO_CACHE") or not path.is_file():
             return None
         try:
             stored = read_keypoints(path)
@@ -234,9 +234,10 @@ class KeypointExtractor:
             reader = self.reader(name)
             with calling(registry().find("reader", name), passing=(OSError,)):
                 sequences = [_checked(sequence) for sequence in reader.read(path, member)]
-            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
+        if name != "store":
+            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.people == "single" and len(sequences) > 1:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
             sequences = [replace(best, person=0)]

@@ -34,7 +34,7 @@ class OnnxBackend(NetworkBackend):
 
     def open(self, data: bytes) -> None:
         subject = str(self.model.path)
-        if self.header is None:
+        if self.model.path.suffix.lower() != ".onnx":
             raise ModelError(
                 f"onnxruntime reads ONNX, not {self.model.path.suffix}",
                 subject=subject,
