@@ -1,9 +1,9 @@
 """What corrections bring: the least certain clips are answered, and become examples.
 
-``python benchmarks/corrections.py`` takes one subject of body_gesture (landmarks) as examples, three clips of each
-of 15 gestures, and the others' 180 clips as a run. The 10, 20 and 50 least certain get their true label, as in
-``gesture review``; those that `corrections.choose` takes, and for comparison all of them, join the examples.
-Accuracy is that of the 130 clips that nobody ever answers, so that all columns are about the same clips.
+``python benchmarks/corrections.py`` takes one subject of body_gesture (landmarks) as examples, three clips of
+each of 15 gestures, and the others' 180 clips as a run. The 10, 20 and 50 least certain get their true label,
+as in ``gesture review``; those that `corrections.choose` takes, and for comparison all of them, join the
+examples. Accuracy is that of the 130 clips that nobody ever answers, so that all columns are about the same.
 """
 
 from __future__ import annotations

@@ -111,13 +111,8 @@ def test_an_answer_comes_from_the_page_itself_and_is_one(server: ReviewServer) -
     assert ask(server, "POST", path, good, Origin="null")[0] == 403
     assert ask(server, "POST", path, good, Content_Type="text/plain")[0] == 403
     assert ask(server, "POST", f"/{'x' * 32}/answers", good)[0] == 404
-    for bad in (
-        {"row": 99, "label": "wave"},
-        {"row": True},
-        {"row": 1, "label": "no such"},
-        [],
-        {"label": 3},
-    ):
+    wrong: list[Any] = [{"row": 99}, {"row": True}, {"row": 1, "label": "no such"}, [], {"label": 3}]
+    for bad in wrong:
         assert ask(server, "POST", path, bad)[0] == 400, bad
     assert ask(server, "POST", path, b"{")[0] == 400
     assert ask(server, "POST", path, b" " * 5000)[0] == 413
