@@ -191,9 +191,9 @@ class SpotSettings(_Section):
 
     Attributes
     ----------
-    mean : float
-        Seconds of the mean around each frame that channels without a fixed place lose; 0 for none,
-        as a live stream always has it.
+    filters : tuple of str
+        Instead of ``signals.filters``, where there are any: what tells a gesture from the next moment
+        should depend on that moment alone.
     floor : float
         Added to the variances of example and event before they divide a cost, in the squared unit of
         the signals, so that a held gesture is not compared by its noise.
@@ -201,8 +201,9 @@ class SpotSettings(_Section):
         Lengths, as parts of its own, at which every example is looked for besides.
     threshold : None or float
         Distance up to which an event is reported; None takes one for each class from the examples.
-    deviations : float
-        With ``threshold = none``: standard deviations above the mean distance between examples of one class.
+    tolerance : float
+        With ``threshold = none``: how far an event may be, as a share of the usual distance between examples
+        of its class.
     overlap : float
         Share of the shorter of two events by which they may overlap.
     verify : bool
@@ -218,11 +219,11 @@ class SpotSettings(_Section):
         Find in a recording what would have been found while it went on: nothing is known of later frames.
     """
 
-    mean: float = 3.0
+    filters: tuple[str, ...] = ()
     floor: float = 0.01
     tempos: tuple[float, ...] = (0.6, 1.6)
     threshold: float | None = None
-    deviations: float = 1.0
+    tolerance: float = 0.9
     overlap: float = 0.3
     verify: bool = True
     patience: float | None = None
@@ -286,10 +287,9 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "classify.mirror": (1, _INFINITE),
     "classify.relative": (0, 1),
     "classify.rest": (0, _INFINITE),
-    "spot.mean": (0, 3600),
     "spot.floor": (0, _INFINITE),
     "spot.threshold": (0, _INFINITE),
-    "spot.deviations": (0, 100),
+    "spot.tolerance": (0, 100),
     "spot.overlap": (0, 1),
     "spot.patience": (0, 3600),
     "spot.merge": (0, 60),
@@ -336,7 +336,7 @@ class Settings:
         """
         chosen = self.signals
         steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
-        for name in chosen.filters:
+        for name in dict.fromkeys([*chosen.filters, *self.spot.filters]):
             steps.append(("filter", name))
         kernel = self.classify.kernel
         return steps if kernel in ("", "auto") else [*steps, ("kernel", kernel)]
