@@ -30,9 +30,8 @@ from pose_measures import Comparison, compare, to_authors
 from gesture_core.errors import GestureError
 from gesture_core.files import cache_dir
 from gesture_core.plugin import registry
-from gesture_core.pose.choice import backend_name
 from gesture_core.pose.extract import REVISION, extract_poses
-from gesture_core.pose.models import find_model
+from gesture_core.pose.models import backend_name, find_model
 from gesture_core.pose.network import Letterbox, NetworkBackend, input_size, to_batch
 from gesture_core.types import PoseSequence
 from gesture_core.video import at_rate, open_video, pictures

@@ -21,8 +21,9 @@ from datasets import ROOT, Item, arguments, body_gesture, utd_openpose
 from gesture_core.classify.comparison import compare
 from gesture_core.classify.decision import votes_of
 from gesture_core.classify.learning import ExampleWeights, learn
+from gesture_core.colours import BLUE, GREEN, GREY, ORANGE
 from gesture_core.errors import GestureError
-from gesture_core.report.style import BLUE, GREEN, GREY, ORANGE, new_figure, save
+from gesture_core.report.style import new_figure, save
 from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.skeletons import COCO18

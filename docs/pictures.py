@@ -12,7 +12,7 @@ from pathlib import Path
 from gesture_core import classify_archive, load_poses
 from gesture_core.cli.main import run
 from gesture_core.demo.archive import write_archive
-from gesture_core.report.overlay import overlay
+from gesture_core.pose.overlay import overlay
 from gesture_core.report.style import new_figure
 from gesture_core.video import open_video
 

@@ -23,10 +23,12 @@ if TYPE_CHECKING:
     from gesture_core.run.cut import cut_events as cut_events
     from gesture_core.run.evaluate import evaluate_archive as evaluate_archive
     from gesture_core.run.explain import explain as explain
+    from gesture_core.run.find import find as find
     from gesture_core.run.pipeline import RunSummary as RunSummary
     from gesture_core.run.watch import watch as watch
     from gesture_core.settings import Settings as Settings
     from gesture_core.settings import load_settings as load_settings
+    from gesture_core.spot.find import Hit as Hit
     from gesture_core.spot.spotter import Spotter as Spotter
     from gesture_core.types import Event as Event
     from gesture_core.types import Neighbors as Neighbors
@@ -45,6 +47,7 @@ _PUBLIC = {
     "Event": "types",
     "GestureClassifier": "classify.estimator",
     "GestureError": "errors",
+    "Hit": "spot.find",
     "Neighbors": "types",
     "PoseSequence": "types",
     "Prediction": "types",
@@ -59,6 +62,7 @@ _PUBLIC = {
     "evaluate_archive": "run.evaluate",
     "evaluate_events": "run.annotations",
     "explain": "run.explain",
+    "find": "run.find",
     "hookimpl": "plugin.hooks",
     "load_poses": "run.archive",
     "load_settings": "settings",

@@ -117,15 +117,17 @@ class Code(StrEnum):
     KEYPOINTS_TIMES = "E_KEYPOINTS_TIMES", "times are not finite, ascending seconds", "correct the times"
     KEYPOINTS_SKELETON = "E_KEYPOINTS_SKELETON", "the joints are of no known layout", "name the skeleton"
     KEYPOINTS_MEMBER = "E_KEYPOINTS_MEMBER", "a file has no sequence of this name", "one of those it has"
-    KEYPOINTS_IMPLAUSIBLE = "E_KEYPOINTS_IMPLAUSIBLE", "keypoints of no possible body", "other keypoints.…"
-    KEYPOINTS_LIMIT = "E_KEYPOINTS_LIMIT", "a keypoint file exceeds a limit", "a larger limits.frames"
+    KEYPOINTS_IMPLAUSIBLE = (
+        "E_KEYPOINTS_IMPLAUSIBLE", "keypoints of no possible body", "other --set keypoints.…=…"
+    )
+    KEYPOINTS_LIMIT = "E_KEYPOINTS_LIMIT", "a keypoint file exceeds a limit", "a larger --set limits.frames=…"
     SKELETON = "E_SKELETON", "no such skeleton", "one that the message lists"
 
     # People and their movement.
     POSE = "E_POSE", "a pose cannot be used", "another --model or --pose"
     POSE_FRAME = "E_POSE_FRAME", "an array is no picture", "(H, W, 3) uint8 arrays in BGR"
-    POSE_PEOPLE = "E_POSE_PEOPLE", "the network cannot tell people apart", "pose.people=single"
-    NO_PERSON = "E_NO_PERSON", "nobody was found", "another --model, or gesture render", 1, "rejected"
+    POSE_PEOPLE = "E_POSE_PEOPLE", "the network cannot tell people apart", "--set pose.people=single"
+    NO_PERSON = "E_NO_PERSON", "nobody was found", "another view, a lower presence limit", 1, "rejected"
     POSE_SHORT = "E_POSE_SHORT", "too few frames with a pose", "a longer clip", 1, "rejected"
     POSE_SPARSE = "E_POSE_SPARSE", "joints are seen in too few frames", "another clip", 1, "rejected"
     POSE_SCALE = "E_POSE_SCALE", "the body gives no scale or origin", "another normalizer", 1, "rejected"
@@ -133,7 +135,7 @@ class Code(StrEnum):
     NO_COMMON = "E_NO_COMMON", "no channel in common with any example", "other examples", 1, "rejected"
     REJECTED = "E_REJECTED", "no example is near enough", "a larger --reject", 1, "rejected"
     NO_EVENT = "E_NO_EVENT", "no example was found in a recording", "more examples", 1, "rejected"
-    UNSURE = "E_UNSURE", "two gestures are about as likely", "a lower classify.margin", 1, "rejected"
+    UNSURE = "E_UNSURE", "two gestures are about as likely", "a lower --set classify.margin=…", 1, "rejected"
     NOT_AN_INPUT = "E_NOT_AN_INPUT", "neither a video nor a keypoint file", "leave it out", 1, "skipped"
 
     # Pose networks.
@@ -155,7 +157,7 @@ class Code(StrEnum):
     MODEL_LOAD = "E_MODEL_LOAD", "the runtime cannot load the network", "gesture models verify"
     MODEL_RUN = "E_MODEL_RUN", "the runtime cannot run the network", "another network"
     MODEL_PROBE = "E_MODEL_PROBE", "the network fails on a known picture", "another --model or --pose"
-    PROVIDER = "E_PROVIDER", "what a network should run on is not there", "pose.provider=auto"
+    PROVIDER = "E_PROVIDER", "what a network should run on is not there", "--set pose.provider=auto"
     MODEL_URL = "E_MODEL_URL", "an address cannot be fetched", "download the file yourself"
     OFFLINE = "E_OFFLINE", "downloads are switched off", "unset GESTURE_OFFLINE, or add a file"
 
@@ -166,9 +168,8 @@ class Code(StrEnum):
     SIGNAL_TIMES = "E_SIGNAL_TIMES", "times of a signal are not finite and ascending", "correct the times"
     SIGNAL_CHANNELS = "E_SIGNAL_CHANNELS", "a filter needs channels that are gone", "another order of filters"
     SIGNAL_SHORT = "E_SIGNAL_SHORT", "a series is too short for its derivative", "series of 3 frames or more"
-    MIRROR = "E_MIRROR", "a channel has no counterpart on the other side", "classify.mirror=none"
-    DTW = "E_DTW", "a warping distance is not defined", "another DtwSpec"
-    BAND_INFEASIBLE = "E_BAND_INFEASIBLE", "no warping path fits into the band", "a wider dtw.window"
+    MIRROR = "E_MIRROR", "a channel has no counterpart on the other side", "--set classify.mirror=none"
+    BAND_INFEASIBLE = "E_BAND_INFEASIBLE", "no warping path fits into the band", "a wider --set dtw.window=…"
     KERNEL_UNSUPPORTED = "E_KERNEL_UNSUPPORTED", "a kernel does not compute this", "--kernel auto"
     DIMENSIONS = "E_DIMENSIONS", "series or arrays of different widths", "series of one preset"
     DTYPE = "E_DTYPE", "a series holds no real numbers", "arrays of floats"
@@ -184,8 +185,12 @@ class Code(StrEnum):
     PLUGIN_RAISED = "E_PLUGIN_RAISED", "a plugin raised an error", "another, or report it", 1, "error", True
     PLUGIN_CONTRACT = "E_PLUGIN_CONTRACT", "a plugin broke its contract", "report it", 1, "error", True
     WORKER_CRASH = "E_WORKER_CRASH", "a worker process ended", "--retry-errors", 1, "error", True
-    WORKER_HANG = "E_WORKER_HANG", "a worker made no progress", "more limits.seconds", 1, "error", True
-    WORKER_MEMORY = "E_WORKER_MEMORY", "a worker took too much memory", "more limits.memory", 1, "error", True
+    WORKER_HANG = (
+        "E_WORKER_HANG", "a worker made no progress", "more --set limits.seconds=…", 1, "error", True
+    )
+    WORKER_MEMORY = (
+        "E_WORKER_MEMORY", "a worker took too much memory", "more --set limits.memory=…", 1, "error", True
+    )
 
     # Run folders and the keypoint store.
     RUN = "E_RUN", "a run folder cannot be used", "another --out"
@@ -287,7 +292,7 @@ class ConfigError(GestureError):
 
 
 class InputError(GestureError):
-    """A source, example library or array that cannot be used."""
+    """A source, example library, array or series that cannot be used."""
 
     code = "E_INPUT"
 
@@ -320,12 +325,6 @@ class SignalError(GestureError):
     """Keypoints from which no usable signal can be made."""
 
     code = "E_SIGNAL"
-
-
-class WarpingError(GestureError):
-    """A warping distance that is not defined: an infeasible band, an empty or infinite series."""
-
-    code = "E_DTW"
 
 
 class PluginError(GestureError):

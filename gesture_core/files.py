@@ -42,14 +42,13 @@ def cache_dir() -> Path:
     return Path(platformdirs.user_cache_dir("gesture-core", appauthor=False))
 
 
-def without_cache() -> bool:
-    """Whether ``$GESTURE_NO_CACHE`` asks for work to be done again whose result is in the cache."""
-    return os.environ.get("GESTURE_NO_CACHE", "").lower() not in ("", "0", "false", "no")
+def switched_on(variable: str) -> bool:
+    """Whether an environment variable asks for something.
 
-
-def with_tracebacks() -> bool:
-    """Whether ``$GESTURE_TRACEBACK`` asks for the places where errors were raised."""
-    return os.environ.get("GESTURE_TRACEBACK", "") not in ("", "0")
+    ``GESTURE_NO_CACHE`` for work to be done again whose result is in the cache, ``GESTURE_TRACEBACK`` for the
+    places where errors were raised, ``GESTURE_OFFLINE`` for no downloads.
+    """
+    return os.environ.get(variable, "").lower() not in ("", "0", "false", "no")
 
 
 def models_dir() -> Path:
@@ -60,11 +59,6 @@ def models_dir() -> Path:
     import platformdirs
 
     return Path(platformdirs.user_data_dir("gesture-core", appauthor=False)) / "models"
-
-
-def offline() -> bool:
-    """Whether ``$GESTURE_OFFLINE`` forbids downloads."""
-    return os.environ.get("GESTURE_OFFLINE", "").lower() not in ("", "0", "false", "no")
 
 
 def printable(name: str | os.PathLike[str]) -> str:
@@ -111,8 +105,13 @@ def _lost(link: Path) -> tuple[str, str]:
 def _no_content(status: os.stat_result) -> tuple[str, str] | None:
     if not modes.S_ISREG(status.st_mode):
         return "is not a regular file", "leave it out"
+    return made_up(status)
+
+
+def made_up(status: os.stat_result) -> tuple[str, str] | None:
+    """Cause and remedy of a file or folder that the system makes up, as in ``/proc``; None for any other."""
     if status.st_dev in _made_up():
-        return "is made up by the system, and no file", "leave it out"
+        return "is made up by the system, and holds no recording", "leave it out"
     return None
 
 

@@ -21,6 +21,16 @@ settings.register_profile("explore", print_blob=True, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--thorough", action="store_true", help="all of what a plain suite runs a sample of")
+
+
+@pytest.fixture(scope="session")
+def thorough(request: pytest.FixtureRequest) -> bool:
+    """Whether long tests run all of their cases; a sample of them otherwise."""
+    return bool(request.config.getoption("--thorough"))
+
+
 def _shared_folder(name: str) -> Path:
     """``<shared>/<name>``, or skip: the data may not travel with the project."""
     override = os.environ.get("GESTURE_SHARED")

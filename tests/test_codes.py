@@ -14,6 +14,7 @@ from conftest import ROOT
 from gesture_core import errors
 from gesture_core.cli.main import exit_code
 from gesture_core.errors import Code, ConfigError, GestureError, PluginError, Status
+from gesture_core.settings.schema import SECTIONS
 
 PACKAGES = (ROOT / "gesture_core", *(ROOT / "plugins").glob("*/gesture_*"))
 FILES = sorted(path for package in PACKAGES for path in package.rglob("*.py"))
@@ -57,6 +58,25 @@ def test_no_code_is_taken_apart() -> None:
     for path in FILES:
         for line in path.read_text("utf-8").splitlines():
             assert not re.search(r"code\w*\.startswith|startswith\(.*(E_|CODE)", line), f"{path.name}: {line}"
+
+
+UNTYPED = re.compile(rf"(?<!--set )(?<!such as )(?<![\w.])({'|'.join(SECTIONS)})\.[a-z_]+=(?! )")
+
+
+def test_a_setting_that_is_suggested_stands_as_it_is_typed() -> None:
+    """After ``--set``, wherever a text of the sources gives one a value; a remedy names none without one."""
+    for path in FILES:
+        tree = ast.parse(path.read_text("utf-8"))
+        spoken = {
+            id(node.value)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        }
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in spoken:
+                assert not UNTYPED.search(node.value), f"{path.name}:{node.lineno}: {node.value}"
+    for code in Code:
+        assert not re.search(rf"(?<!--set )\b({'|'.join(SECTIONS)})\.", code.remedy), code.remedy
 
 
 @pytest.mark.parametrize("code", Code)

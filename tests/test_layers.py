@@ -14,7 +14,7 @@ from conftest import ROOT
 CORE = ROOT / "gesture_core"
 HEAVY = {"jax", "torch", "cv2", "onnxruntime", "numba", "pyarrow", "av", "sklearn", "matplotlib"}
 FLOORS = [
-    {"errors", "files", "cores", "__init__"},
+    {"errors", "files", "cores", "colours", "__init__"},
     {"skeletons", "joint_names"},
     {"dtw.spec"},
     {"records", "types", "plugin"},

@@ -57,8 +57,9 @@ def test_type_checkers_know_every_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["run.evaluate.evaluate_archive", "run.explain.explain", "report.evaluation.write_evaluation",
-     "errors.Code", "settings.schema.Settings", "settings.load.load_settings"],
+    ["run.evaluate.evaluate_archive", "run.explain.explain", "run.find.find",
+     "report.evaluation.write_evaluation", "errors.Code", "settings.schema.Settings",
+     "settings.load.load_settings"],
 )  # fmt: skip
 def test_examples_of_docstrings_run(
     name: str, drawn: DemoArchive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -258,7 +258,7 @@ def decide(
             rival = next((f" before {other}" for _, other, _ in neighbors if other != label), "")
             message = (
                 f"{label}{rival} by a margin of {lead:.4g}, below {margin:.4g}; "
-                "try: more examples of both, or a lower classify.margin"
+                "try: more examples of both, or a lower --set classify.margin=…"
             )
         predictions.append(
             Prediction(

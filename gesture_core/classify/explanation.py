@@ -210,11 +210,11 @@ def channel_costs(
     x, y = query.values.astype(np.float64), example.values.astype(np.float64)
     costs, places = np.zeros(len(used)), np.full(len(used), -1)
     paths: list[np.ndarray] = []
-    for group in groups:
-        if len(group) == 0:
-            continue
-        cost, cells = local_costs(x, y, spec, group), allowed_cells(len(x), len(y), spec)
-        table = least_costs(cost, cells)
+    groups = [group for group in groups if len(group)]
+    local = [local_costs(x, y, spec, group) for group in groups]
+    cells = allowed_cells(len(x), len(y), spec)
+    tables = least_costs(np.stack(local), cells) if groups else ()
+    for group, cost, table in zip(groups, local, tables, strict=True):
         path = backtrack(table)
         total = float(table[-1, -1] if spec.gamma is None else accumulate(cost, cells, spec.gamma)[-1, -1])
         if spec.length_norm:

@@ -219,7 +219,7 @@ def calibrated_thresholds(
     if not known.any():
         raise ConfigError(
             "a rejection threshold cannot be calibrated: no class has two examples",
-            remedy="two examples of a class at least (better three of each), or classify.reject=<distance>",
+            remedy="two examples of a class at least (better three of each), or --reject DISTANCE",
             code="E_REJECT",
         )
     thresholds = np.full(classes, nearest[known].mean() + sd * nearest[known].std())

@@ -20,7 +20,7 @@ from gesture_core.classify.examples import ExampleLibrary, warn_of_contradiction
 from gesture_core.classify.known import KnownDistances
 from gesture_core.classify.learning import ExampleWeights, learn, needs_distances
 from gesture_core.classify.probability import temperature_of
-from gesture_core.errors import ConfigError, GestureError, InputError, WarpingError
+from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable
 from gesture_core.plugin import registry
 from gesture_core.records import Prediction
@@ -144,7 +144,7 @@ class Recognizer:
             series = [usable[place] for place in places]
             try:
                 distances = self.distances(series)
-            except (InputError, WarpingError) as error:
+            except InputError as error:
                 if len(places) > 1:  # halves of what cannot be compared, down to one
                     batches += [places[: len(places) // 2], places[len(places) // 2 :]]
                     continue

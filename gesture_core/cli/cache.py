@@ -15,6 +15,7 @@ from gesture_core.files import cache_dir
 
 _PARTS = {
     "keypoints": "of videos and keypoint files, by their content; every run uses them",
+    "previews": "small videos of the rows of reports, by the content of their inputs",
     "probed": "pose networks that have passed their trial",
     "numba": "compiled distance kernels, where the package's own folder cannot be written",
 }

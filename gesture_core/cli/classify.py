@@ -5,11 +5,12 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from gesture_core.cli.flags import SEVERAL, UNSAID, Flags, PoseFlags, RunFlags, Sources
 from gesture_core.cli.output import (
     counted,
+    mirroring_hint,
     named,
     print_rows,
     say,
@@ -57,9 +58,8 @@ def classify(
     label_columns
         With a CSV file: its headings of path and label, such as filename,class; 1,2 where it has none.
     """
-    if not examples:
-        raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
-    return _execute(sources, out, flags, run, examples, labels, label_columns)
+    asked = {"examples": examples, "labels": labels, "label_columns": label_columns}
+    return _execute(sources, out, flags, run, **asked)
 
 
 def spot(
@@ -84,9 +84,8 @@ def spot(
     labels, label_columns
         As in gesture classify.
     """
-    if not examples:
-        raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
-    return _execute(sources, out, flags, run, examples, labels, label_columns, spot=True)
+    asked = {"examples": examples, "labels": labels, "label_columns": label_columns}
+    return _execute(sources, out, flags, run, spot=True, **asked)
 
 
 def extract(*sources: Sources, out: Path, flags: PoseFlags | None = None, run: RunFlags | None = None) -> int:
@@ -103,42 +102,29 @@ def extract(*sources: Sources, out: Path, flags: PoseFlags | None = None, run: R
 
 
 def _execute(
-    sources: tuple[str, ...],
-    out: Path,
-    flags: PoseFlags | None,
-    run: RunFlags | None,
-    examples: tuple[str, ...] = (),
-    labels: str = "folder",
-    label_columns: str = "",
-    spot: bool = False,
+    sources: tuple[str, ...], out: Path, flags: PoseFlags | None, run: RunFlags | None, **asked: Any
 ) -> int:
-    """Run what a command asks for, show it, and return the exit code; without examples, only extract."""
+    """Run what a command asks for, show it, and return the exit code.
+
+    ``asked`` are further fields of a `RunRequest`; without ``examples``, keypoints are only extracted.
+    """
     from gesture_core.run.pipeline import run_archive
     from gesture_core.run.plan import RunRequest
 
+    if asked.get("examples") == ():
+        raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
     run = run or RunFlags()
-    request = RunRequest(
-        sources,
-        out,
-        (flags or PoseFlags()).settings(),
-        examples,
-        labels,
-        run.workers,
-        run.engine,
-        run.retry_errors,
-        run.overwrite,
-        label_columns,
-        spot,
-    )
+    asked |= {name: value for name, value in vars(run).items() if name != "quiet"}
+    request = RunRequest(sources, out, (flags or PoseFlags()).settings(), **asked)
     if run.quiet:
         return run_archive(request).exit_code
     from gesture_core.cli.progress import progress
 
-    with progress(sources, examples) as listener, warnings_as_lines(events=True):
+    with progress(sources, request.examples) as listener, warnings_as_lines(events=True):
         summary = run_archive(request, listener)
     rows = summary.rows()
-    print_rows(rows, "events" if spot else "labels" if examples else "keypoints")
-    say_summary(summary, () if spot else rows)
+    print_rows(rows, "events" if request.spot else "labels" if request.examples else "keypoints")
+    say_summary(summary, () if request.spot else rows)
     return summary.exit_code
 
 
@@ -222,10 +208,7 @@ def _warnings(summary: RunSummary) -> list[str]:
     if len(summary.classes) == 1:
         found.append("all examples have one label: every input that is near enough gets it")
     if summary.sided:
-        found.append(
-            f"{', '.join(map(repr, summary.sided))} and the like on the right may be one gesture with either "
-            "hand, and classify.mirror then takes one for the other: --set classify.mirror=none"
-        )
+        found.append(mirroring_hint(summary.sided))
     if summary.inputs_among_examples == 1:
         found.append("1 input is among the examples itself: its label is no result")
     elif summary.inputs_among_examples:

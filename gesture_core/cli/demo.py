@@ -72,8 +72,7 @@ def _quoted(argument: str | Path) -> str:
 
 
 def _has_model(settings: Settings) -> bool:
-    from gesture_core.pose.choice import choose_pose
-    from gesture_core.pose.models import find_model
+    from gesture_core.pose.models import choose_pose, find_model
 
     try:
         find_model(choose_pose(settings).pose.model)

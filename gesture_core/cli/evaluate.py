@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from gesture_core.cli.flags import REPEATED, UNSAID, Flags, Sources, Workers
-from gesture_core.cli.output import check_folder, counted, print_table, say, say_assumed, warnings_as_lines
+from gesture_core.cli.output import (
+    check_folder,
+    counted,
+    mirroring_hint,
+    print_table,
+    say,
+    say_assumed,
+    warnings_as_lines,
+)
 from gesture_core.errors import ConfigError, MissingDependencyError
 
 if TYPE_CHECKING:
@@ -216,6 +224,8 @@ def _print_thresholds(evaluation: Evaluation) -> None:
 def _say_flaws(result: EvaluationResult) -> None:
     """What was assumed, which inputs could not be compared, and which are copies of others."""
     say_assumed(result.assumed)
+    if result.sided:
+        say(mirroring_hint(result.sided))
     data, unusable = result.compared.data, result.unusable
     if unusable:
         say(f"{len(unusable)} of {counted(len(data.names), 'input')} count as not recognised:")

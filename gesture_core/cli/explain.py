@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
-from gesture_core.cli.flags import Whole
-from gesture_core.cli.output import check_file, counted, print_table, say
+from gesture_core.cli.flags import UNSAID, Whole
+from gesture_core.cli.output import check_file, counted, mirroring_hint, print_table, say
 from gesture_core.errors import MissingDependencyError
 from gesture_core.files import printable
 
@@ -24,7 +24,14 @@ Channels = Annotated[Whole, Parameter(validator=validators.Number(gte=1))]
 
 
 def explain(
-    run: Path, input: str, /, *, person: Whole = 0, out: Path | None = None, channels: Channels = 4
+    run: Path,
+    input: str,
+    /,
+    *,
+    person: Whole = 0,
+    event: Annotated[Whole, UNSAID] = 0,
+    out: Path | None = None,
+    channels: Channels = 4,
 ) -> int:
     """Show why an input of a run got its label: channels, their costs, both warpings.
 
@@ -36,8 +43,10 @@ def explain(
         The input as the result names it, or a part of its name that no other one has.
     person
         Which person of the input, where it has several.
+    event
+        Which event, in a run of gesture spot; the first one by default.
     out
-        PNG file of the plot; explain-<input>.png in the run folder by default.
+        PNG file of the plot (expl is expl.png); explain-<input>.png in the run folder by default.
     channels
         How many channels to draw; at least twelve are listed.
     """
@@ -46,29 +55,38 @@ def explain(
     from gesture_core.run.explain import explain as explain_row
 
     if out is not None:
+        out = out if out.suffix or out.is_dir() else out.with_suffix(".png")
         check_file(out, (".png",))
     with progress([input], quiet=not sys.stderr.isatty()) as listener:
-        found = explain_row(run, input, person, listener=listener)
+        found = explain_row(run, input, person, event, listener=listener)
     target = out or run / found.file_name
     check_file(target, (".png",))
-    title = f"{Path(found.row.input).name}: {found.row.label or found.row.status}"
+    title = f"{Path(found.row.input).name}: {found.row.label or found.row.status}{_when(found.row)}"
     missing = None
     try:  # before anything is printed: a closed pipe must not cost it
         explanation_plot(found.explanation, title, target, channels)
     except MissingDependencyError as error:
         missing = error
     _print(found.row, found.explanation, channels)
+    if found.sided:
+        say(mirroring_hint(found.sided))
     if missing and out:
         raise missing
     say(f"no picture: {missing.message}" if missing else str(target))
     return 0
 
 
+def _when(row: Row) -> str:
+    """Of an event, its number and its time."""
+    return f", event {row.event} from {row.start:.2f} to {row.end:.2f} s" if row.event else ""
+
+
 def _print(row: Row, found: Explanation, channels: int) -> None:
     from gesture_core.classify.explanation import contrast
 
     near, far = found.nearest, found.runner_up
-    print(printable(f"{row.input}: {row.label or '-'} ({f'{row.status} {row.code}'.strip()})"))
+    status = f"{row.status} {row.code}".strip()
+    print(printable(f"{row.input}: {row.label or '-'}{_when(row)} ({status})"))
     if row.label not in (None, near.label):
         print(printable(f"  the run gave the label {row.label}, this version gives {near.label}"))
     for which, side in (("answer", near), ("runner-up", far)):

@@ -17,7 +17,7 @@ from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, Unused
 from gesture_core import __version__
 from gesture_core.cli.output import say, say_event
 from gesture_core.errors import Code, ConfigError, GestureError
-from gesture_core.files import printable, with_tracebacks
+from gesture_core.files import printable, switched_on
 
 EXIT_PIPE = 141
 """Of a command whose output was closed: 128 and the number of SIGPIPE."""
@@ -38,11 +38,13 @@ _COMMANDS = {
     "classify": "Label every input by the example gestures that it resembles.",
     "spot": "Find the example gestures in long recordings: what happened when.",
     "watch": "Find the example gestures in a live source, as they happen.",
+    "find": "Find where in recordings somebody does what a clip shows.",
     "cut": "Write the events of a run as clips, by label.",
     "extract": "Find keypoints only, and write them to files.",
     "evaluate": "Measure the accuracy of a preset on a labelled archive.",
     "explain": "Show why an input of a run got its label.",
     "export": "Write the rows of a run as CSV, Parquet or JSON lines.",
+    "report": "Write a page about a run: clips, certainty, alignments.",
     "render": "Draw the keypoints that the network sees over a video.",
     "settings": "List every setting, its type, meaning, default and value.",
     "plugins": "List every plugin, its kind, origin and status.",
@@ -90,9 +92,12 @@ def run(arguments: Sequence[str]) -> int:
     arguments = [word for place, word in enumerate(arguments) if word not in asked or place >= end]
     before = {name: os.environ.get(name) for name in FLAGS_OF_EVERY_COMMAND.values()}
     os.environ.update({FLAGS_OF_EVERY_COMMAND[flag]: "1" for flag in asked})  # of worker processes, too
+    notes = _Notes(logging.WARNING)
+    logging.getLogger("gesture_core").addHandler(notes)
     try:
-        return _run(arguments)
+        return _done(arguments, traced=switched_on("GESTURE_TRACEBACK"))
     finally:
+        logging.getLogger("gesture_core").removeHandler(notes)
         for name, value in before.items():
             os.environ.pop(name, None)
             os.environ.update({} if value is None else {name: value})
@@ -106,16 +111,6 @@ class _Notes(logging.Handler):
             say(record.getMessage())
         else:
             say_event("note", text=record.getMessage())
-
-
-def _run(arguments: list[str]) -> int:
-    traced = with_tracebacks()
-    notes = _Notes(logging.WARNING)
-    logging.getLogger("gesture_core").addHandler(notes)
-    try:
-        return _done(arguments, traced)
-    finally:
-        logging.getLogger("gesture_core").removeHandler(notes)
 
 
 def _done(arguments: list[str], traced: bool) -> int:
@@ -225,7 +220,7 @@ def _owners(option: str, command: str) -> list[str]:
     from gesture_core.settings.load import fields_of
     from gesture_core.settings.schema import SECTIONS
 
-    every = tuple(SECTIONS) if command in ("classify", "evaluate", "demo", "spot", "watch") else ()
+    every = tuple(SECTIONS) if command in ("classify", "evaluate", "demo", "spot", "watch", "find") else ()
     return [section for section in _WITH_SETTINGS.get(command, every) if option in fields_of(section)]
 
 

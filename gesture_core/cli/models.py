@@ -13,6 +13,7 @@ import cyclopts
 from cyclopts import Parameter
 
 from gesture_core.cli.flags import UNSAID
+from gesture_core.cli.output import print_list
 from gesture_core.errors import ModelError
 
 if TYPE_CHECKING:
@@ -29,9 +30,9 @@ app = cyclopts.App(
 @app.default
 def list_models() -> int:
     """List the networks that are here, and the public ones that can be fetched or added."""
-    from gesture_core.cli.output import print_table
     from gesture_core.files import models_dir
-    from gesture_core.pose.models import added_names, find_model, known_models, read_card
+    from gesture_core.pose.model_store import added_names, read_card
+    from gesture_core.pose.models import find_model, known_models
 
     here: list[tuple[str, ...]] = []
     get: list[tuple[str, ...]] = []
@@ -40,42 +41,33 @@ def list_models() -> int:
         try:
             card = read_card(name)
         except ModelError as error:
-            here.append((name, f"broken: {error.cause}", "", "", "", str(models_dir() / name)))
+            here.append((name, f"broken: {error.cause}", "", "", "", "", str(models_dir() / name)))
             continue
-        here.append((name, "added", *_facts(card), card.sha256[:12], card.licence, str(card.path)))
+        here.append((name, "added", *_facts(card), card.sha256, card.licence, str(card.path)))
     for known in known_models().values():
         if known.name in added_names():
             continue
         if known.packaged_path is not None:
             found = find_model(known.name)
-            row = known.name, "packaged", *_facts(found), found.sha256[:12], known.licence, str(found.path)
-            here.append(row)
+            facts = (*_facts(found), found.sha256, known.licence, str(found.path))
+            here.append((known.name, "packaged", *facts))
         elif known.member:
             unused = "" if known.contract else "; no setting of this version uses it"
-            get.append((known.name, known.summary + unused, known.licence, known.wheel or known.url))
+            what = known.summary + unused
+            get.append((known.name, "to get", what, known.licence, known.wheel or known.url))
         else:
             where = "missing from this installation" if known.packaged else known.where
-            more.append((known.name, known.summary, known.licence, where))
-    print_table(("name", "status", "output", "input", "sha256", "licence"), [row[:-1] for row in here])
-    _print_places(here)
+            more.append((known.name, "to add", known.summary, known.licence, where))
+    if sys.stdout.isatty():  # a hash is as wide as a table; verify checks all of it
+        here = [(*row[:4], row[4][:12], *row[5:]) for row in here]
+    print_list(("name", "status", "output", "input", "sha256", "licence", "place"), here, below=True)
+    columns = ("name", "status", "what it is", "licence", "place")
     if get:
-        print("\nKnown, not here; bring it with: gesture models get NAME")
-        print_table(("name", "what it is", "licence"), [row[:-1] for row in get])
-        _print_places(get)
+        print_list(columns, get, below=True, title="Known, not here; bring it with: gesture models get NAME")
     if more:
-        print("\nKnown, not here; bring the file with: gesture models add FILE")
-        print_table(("name", "what it is", "licence"), [row[:-1] for row in more])
-        _print_places(more)
+        title = "Known, not here; bring the file with: gesture models add FILE"
+        print_list(columns, more, below=True, title=title)
     return 0
-
-
-def _print_places(rows: list[tuple[str, ...]]) -> None:
-    """Paths and addresses on lines of their own: a narrow table would break them."""
-    from gesture_core.files import printable
-
-    width = max((len(row[0]) for row in rows), default=0)
-    for row in rows:
-        print(f" {printable(row[0]):<{width}}   {printable(row[-1])}")
 
 
 app.command(list_models, name="list")
@@ -175,12 +167,11 @@ def add(
 @app.command
 def verify() -> int:
     """Check every network that is here against its hash; exit with 3 where one differs."""
-    from gesture_core.cli.output import print_table
     from gesture_core.pose.model_store import verify_models
 
     found = verify_models()
-    print_table(("name", "status"), [(name, trouble or "ok") for name, _, trouble in found])
-    _print_places([(name, str(path)) for name, path, _ in found])
+    rows = [(name, trouble or "ok", str(path)) for name, path, trouble in found]
+    print_list(("name", "status", "place"), rows, below=True)
     return 3 if any(trouble for _, _, trouble in found) else 0
 
 

@@ -104,13 +104,25 @@ def print_table(
     console().print(table)
 
 
-def print_list(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A list: a table on a terminal, JSON lines through a pipe, whose keys are the columns' names."""
-    if sys.stdout.isatty():
-        print_table(columns, rows)
+def print_list(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], *, below: bool = False, title: str = ""
+) -> None:
+    """A list: a table on a terminal, JSON lines through a pipe, whose keys are the columns' names.
+
+    On a terminal it has a ``title``; with ``below`` its last column, paths or addresses, stands on lines of
+    its own, as a narrow table would break them.
+    """
+    if not sys.stdout.isatty():
+        for row in rows:
+            print(json.dumps(dict(zip(columns, row, strict=True)), ensure_ascii=False))
         return
-    for row in rows:
-        print(json.dumps(dict(zip(columns, row, strict=True)), ensure_ascii=False))
+    if title:
+        print(f"\n{title}")
+    shown = len(columns) - below
+    print_table(columns[:shown], [row[:shown] for row in rows])
+    width = max((len(row[0]) for row in rows), default=0)
+    for row in rows if below else ():
+        print(f" {printable(row[0]):<{width}}   {printable(row[-1])}")
 
 
 def print_rows(rows: Sequence[Row], what: Table = "labels") -> None:
@@ -236,6 +248,14 @@ def say_notes(notes: Mapping[str, int]) -> None:
         say(f"{counted(files, 'file')}: {what}")
     if ordered[_NOTES_SHOWN:]:
         say(f"… and {counted(len(ordered) - _NOTES_SHOWN, 'more note')} in the column 'note'")
+
+
+def mirroring_hint(sided: Sequence[str]) -> str:
+    """That labels for the left and the right may be one gesture; ``sided`` from `examples.sided_labels`."""
+    return (
+        f"{', '.join(map(repr, sided))} and the like on the right may be one gesture with either "
+        "hand, and classify.mirror then takes one for the other: --set classify.mirror=none"
+    )
 
 
 def check_file(

@@ -19,7 +19,7 @@ from gesture_core.errors import GestureError, MissingDependencyError, ModelError
 from gesture_core.files import printable
 from gesture_core.plugin import registry
 from gesture_core.plugin.hooks import KINDS
-from gesture_core.plugin.registry import Registration, Registry
+from gesture_core.plugin.registry import Registration, Registry, calling
 from gesture_core.settings import load_settings
 
 _PARAMETERS = "Parameters\n"
@@ -96,7 +96,8 @@ def _status(found: Registry, entry: Registration, *, check: bool) -> str:
     if not check:
         return "ok"
     try:
-        _make(found, entry)
+        with calling(entry, passing=(OSError,)):
+            _make(found, entry)
     except (ModelError, PoseError):  # a backend may need another network than the one that it is given here
         return "ok"
     except MissingDependencyError as error:
@@ -116,9 +117,8 @@ def _make(found: Registry, entry: Registration) -> None:
     GestureError, OSError
         Whatever is wrong with it, such as a pose backend that takes no ``model``.
     """
-    from gesture_core.plugin.interfaces import INTERFACES
-    from gesture_core.pose.choice import choose_pose
-    from gesture_core.pose.models import find_model
+    from gesture_core.plugin.interfaces import INTERFACES, Closeable
+    from gesture_core.pose.models import choose_pose, find_model
 
     target, kind = found.load(entry.kind, entry.name), KINDS[entry.kind]
     try:
@@ -138,6 +138,8 @@ def _make(found: Registry, entry: Registration) -> None:
     made, interface = found.make(entry.kind, entry.name, {}, **values), INTERFACES[entry.kind]
     wanted = [name for name in {**vars(interface), **interface.__annotations__} if not name.startswith("_")]
     absent = sorted(name for name in wanted if not hasattr(made, name))
+    if isinstance(made, Closeable):
+        made.close()
     if absent:
         raise PluginError(f"it has no {' and no '.join(absent)}, as every {kind.title} does")
 
@@ -150,9 +152,10 @@ def _show(found: Registry, name: str) -> None:
     for kind in kinds:
         entry = found.find(kind, name)
         target = found.load(kind, name)
+        with calling(entry):
+            text, options = documentation(target), options_of(target, KINDS[kind].filled)
         print(f"{entry.title} of {entry.origin}: {entry.summary}\n{entry.target}\n")
-        print(documentation(target), end="\n\n")
-        options = options_of(target, KINDS[kind].filled)
+        print(text, end="\n\n")
         if not options:
             continue
         columns, rows = ["option", "default"], [[f"{name}.{option}", value] for option, value in options]
@@ -169,7 +172,7 @@ def _show(found: Registry, name: str) -> None:
 def documentation(target: Any) -> str:
     """The docstring of a class, with the parameters of its base where it names none of its own."""
     text = inspect.getdoc(target) or ""
-    for base in target.__mro__[1:]:
+    for base in target.__mro__[1:] if isinstance(target, type) else ():
         _, heading, rest = (base.__doc__ or "").partition(_PARAMETERS)
         if _PARAMETERS not in text and heading:
             text += f"\n\n{inspect.cleandoc(heading + rest)}"
@@ -178,6 +181,10 @@ def documentation(target: Any) -> str:
 
 def options_of(target: Any, given: Sequence[str]) -> list[tuple[str, str]]:
     """Options of a plugin's class with their defaults, without what is ``given`` by the program."""
+    try:
+        parameters = inspect.signature(target).parameters.values()
+    except (TypeError, ValueError):  # a class of another language says nothing of itself
+        return []
     made = (
         {f.name: f.default_factory() for f in fields(target) if f.default_factory is not MISSING}
         if is_dataclass(target)
@@ -190,7 +197,7 @@ def options_of(target: Any, given: Sequence[str]) -> list[tuple[str, str]]:
             if parameter.default is parameter.empty
             else written(made.get(parameter.name, parameter.default)),
         )
-        for parameter in inspect.signature(target).parameters.values()
+        for parameter in parameters
         if parameter.name not in given
         and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
     ]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from gesture_core.cli.output import named, say, say_event
 from gesture_core.files import printable
-from gesture_core.run.pipeline import Listener
+from gesture_core.run.extract import Listener
 
 if TYPE_CHECKING:
     from rich.progress import Task

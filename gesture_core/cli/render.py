@@ -44,8 +44,8 @@ def render(
     overwrite
         Replace a file that is there.
     """
+    from gesture_core.pose.overlay import cropped, overlay, write_strip
     from gesture_core.records import VideoLimits
-    from gesture_core.report.overlay import cropped, overlay, write_strip
     from gesture_core.video import open_video
     from gesture_core.video.writer import can_write_video, write_video
 
@@ -109,7 +109,7 @@ def _labels(video: Path, run: Path) -> tuple[dict[int, str], Settings]:
 def _people(video: Path, settings: Settings) -> list[PoseSequence]:
     """Everybody in the video, from the keypoint store or extracted in a worker process."""
     from gesture_core.cli.progress import progress
-    from gesture_core.run.evaluate import people_of
+    from gesture_core.run.extract import people_of
     from gesture_core.run.inputs import discover
 
     items = discover([video])

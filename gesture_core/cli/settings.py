@@ -16,6 +16,7 @@ from gesture_core.cli.plugins import documentation, options_of, written
 from gesture_core.errors import ConfigError, near
 from gesture_core.plugin import registry
 from gesture_core.plugin.hooks import KINDS
+from gesture_core.plugin.registry import calling
 from gesture_core.settings import Settings, load_settings
 from gesture_core.settings.load import find_key
 from gesture_core.settings.schema import SECTIONS
@@ -102,8 +103,10 @@ def _plugin(name: str, settings: Settings) -> Iterator[Setting]:
     for kind, plugin in registry().entries:
         if plugin == base:
             target = registry().load(kind, base)
-            entries = _entries(documentation(target), "Parameters")
-            for option, default in options_of(target, KINDS[kind].filled):
+            with calling(registry().find(kind, base)):
+                entries = _entries(documentation(target), "Parameters")
+                options = options_of(target, KINDS[kind].filled)
+            for option, default in options:
                 type_, meaning = entries.get(option, ("", ""))
                 value = written(given[option]) if option in given else default
                 yield Setting(f"{name}.{option}", type_, default, value, meaning)

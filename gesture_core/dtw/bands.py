@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gesture_core.dtw.spec import DtwSpec
-from gesture_core.errors import WarpingError
+from gesture_core.errors import InputError
 
 __all__ = ["allowed_cells", "has_holes", "is_banded", "row_spans"]
 
@@ -148,7 +148,7 @@ def check_feasible(query_lengths: np.ndarray, example_lengths: np.ndarray, spec:
 
     Raises
     ------
-    WarpingError
+    InputError
         Names the first such pair.
     """
     if not is_banded(spec):
@@ -160,7 +160,7 @@ def check_feasible(query_lengths: np.ndarray, example_lengths: np.ndarray, spec:
             m = int(columns[possible.argmin()])
             query = int(np.argmax(query_lengths == n))
             example = int(np.argmax(example_lengths == m))
-            raise WarpingError(
+            raise InputError(
                 f"query {query} ({n} frames) and example {example} ({m} frames): "
                 "no warping path fits into the band",
                 remedy="a wider window, a steeper slope, or series of more similar length",

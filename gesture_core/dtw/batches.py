@@ -73,11 +73,10 @@ def check_batches(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec, *,
     Raises
     ------
     InputError
-        For widths that differ, and for values too large or too small for the dtype.
+        For widths that differ, for values too large or too small for the dtype, and where the band leaves a
+        pair without a path; it names the pair.
     ConfigError
         Where ``spec`` weighs another number of dimensions.
-    WarpingError
-        Where the band leaves a pair without a path; it names the pair.
     """
     width, other = queries.values.shape[2], examples.values.shape[2]
     if width != other:

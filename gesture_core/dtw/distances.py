@@ -58,9 +58,7 @@ def warping_distances(
     ------
     InputError
         For an empty, ragged-width, NaN or infinite series; it names the index. Also for one array
-        instead of a sequence of them.
-    WarpingError
-        Where the band leaves a pair without a path; it names the pair.
+        instead of a sequence of them, and where the band leaves a pair without a path; it names the pair.
     ConfigError
         For what is no specification, and options of what is no plugin.
     PluginError

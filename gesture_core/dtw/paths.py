@@ -8,7 +8,7 @@ from gesture_core.dtw.bands import allowed_cells
 from gesture_core.dtw.batches import make_batches, used_dimensions
 from gesture_core.dtw.reference import local_costs
 from gesture_core.dtw.spec import DtwSpec, as_spec
-from gesture_core.errors import ConfigError, WarpingError
+from gesture_core.errors import ConfigError, InputError
 from gesture_core.types import Signals
 
 
@@ -39,7 +39,7 @@ def warping_path(
     ------
     ConfigError
         For soft warping, and where ``dimension`` is missing, too many, or not compared.
-    InputError, WarpingError
+    InputError
         As `warping_distances`; in dependent mode also where the two have no dimension in common.
 
     Examples
@@ -66,7 +66,7 @@ def _chosen(every: np.ndarray, width: int, spec: DtwSpec, dimension: int | None)
         if dimension is not None:
             raise ConfigError("dependent warping has one path for all dimensions", code="E_OPTION")
         if len(every) == 0:
-            raise WarpingError("the two have no dimension in common", code="E_NO_COMMON")
+            raise InputError("the two have no dimension in common", code="E_NO_COMMON")
         return every
     if dimension is None and width > 1:
         raise ConfigError(
@@ -78,25 +78,36 @@ def _chosen(every: np.ndarray, width: int, spec: DtwSpec, dimension: int | None)
 
 
 def least_costs(cost: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(n, m) accumulated costs of (n, m) local costs, a diagonal at a time."""
-    n, m = cost.shape
+    """(..., n, m) accumulated costs of local costs of that shape inside (n, m) ``cells``, by diagonals."""
+    *many, n, m = cost.shape
+    table = np.full((*many, n + 1, m + 1), np.inf)
+    table[..., 0, 0] = 0
     cost = np.where(cells, cost, np.inf)
-    table = np.full((n + 1, m + 1), np.inf)
-    table[0, 0] = 0
     for k in range(n + m - 1):
         i = np.arange(max(0, k - m + 1), min(n, k + 1))
         j = k - i
-        before = np.minimum(np.minimum(table[i, j + 1], table[i + 1, j]), table[i, j])
-        table[i + 1, j + 1] = cost[i, j] + before
-    return table[1:, 1:]
+        before = np.minimum(np.minimum(table[..., i, j + 1], table[..., i + 1, j]), table[..., i, j])
+        table[..., i + 1, j + 1] = cost[..., i, j] + before
+    return table[..., 1:, 1:]
 
 
 def backtrack(table: np.ndarray) -> np.ndarray:
     """(K, 2) int64: the path that a table of accumulated costs holds."""
+    costs = table.tolist()
     i, j = table.shape[0] - 1, table.shape[1] - 1
     path = [(i, j)]
     while i or j:
-        steps = [(i - 1, j - 1), (i - 1, j), (i, j - 1)]
-        i, j = min((step for step in steps if min(step) >= 0), key=lambda step: table[step])
+        if not i:
+            j -= 1
+        elif not j:
+            i -= 1
+        else:  # of equal steps the diagonal, then the query's
+            diagonal, up, left = costs[i - 1][j - 1], costs[i - 1][j], costs[i][j - 1]
+            if diagonal <= up and diagonal <= left:
+                i, j = i - 1, j - 1
+            elif up <= left:
+                i -= 1
+            else:
+                j -= 1
         path.append((i, j))
     return np.array(path[::-1], np.int64)

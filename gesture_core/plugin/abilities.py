@@ -61,9 +61,8 @@ class RegionFollowing(Protocol):
         """Pixels of a side of the square; 0 where the network is none of these."""
         ...
 
-    @property
     def finder(self) -> PoseBackend:
-        """What finds the person where nobody has been followed so far."""
+        """What finds the person where nobody has been followed so far; asked for once."""
         ...
 
 

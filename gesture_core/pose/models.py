@@ -1,29 +1,34 @@
-"""Pose networks by name or file: those that the user added, those that an installed package brings, and
-those that are only known (``known_models.toml``).
+"""Pose networks: which are known, which are here, and which one and what runs it stands for ``auto``.
 
-A file is known by its SHA-256, whatever it is called. A network that the user added has a folder under
-`gesture_core.files.models_dir`, ``<name>/model.json`` (its card), which names the file beside it, its
-SHA-256 and its contract; `gesture_core.pose.model_store` makes these folders.
+A file is known by its SHA-256, whatever it is called; `known_models.toml` lists public networks. One of them
+comes with an installed package; those that the user added are in `gesture_core.pose.model_store`.
 """
 
 from __future__ import annotations
 
 import difflib
 import hashlib
-import json
 import os
 import re
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from gesture_core.errors import ModelError
+from gesture_core.errors import ConfigError, ModelError, PluginError
 from gesture_core.files import models_dir, open_regular
-from gesture_core.pose.contract import ModelContract, infer_contract
-from gesture_core.pose.onnx_header import read_header
+from gesture_core.plugin.abilities import DeviceChoice
+from gesture_core.plugin.registry import calling, registry
+from gesture_core.pose.contract import ModelContract
+
+if TYPE_CHECKING:
+    from gesture_core.settings import Settings
+    from gesture_core.settings.schema import PoseSettings
 
 MAX_BYTES = 1 << 30
 """No pose network that runs on a CPU at video speed is larger."""
@@ -139,7 +144,7 @@ class KnownModel:
             )
         if self.member:
             return f"'gesture models get {self.name}'"
-        return f"get it ({self.where}), then 'gesture models add {(self.files or ('FILE',))[0]}'"
+        return f"get it ({self.where}), then 'gesture models add FILE --name {self.name}'"
 
     @property
     def packaged_path(self) -> Path | None:
@@ -184,7 +189,11 @@ def auto_models() -> tuple[str, ...]:
 def is_here(name: str) -> bool:
     """Whether a network of this name was added, or comes with an installed package."""
     known = known_models().get(name)
-    return (models_dir() / name / CARD).is_file() or bool(known and known.packaged_path)
+    return _is_added(name) or bool(known and known.packaged_path)
+
+
+def _is_added(name: str) -> bool:
+    return bool(NAME.fullmatch(name)) and (models_dir() / name / CARD).is_file()
 
 
 def known_by_hash(sha256: str) -> KnownModel | None:
@@ -210,11 +219,17 @@ def find_model(name_or_path: str | os.PathLike[str]) -> ModelFile:
     """
     text = os.fspath(name_or_path)
     if isinstance(name_or_path, Path) or text.lower().endswith(SUFFIXES) or "/" in text or os.sep in text:
+        from gesture_core.pose.model_store import file_model
+
         return file_model(Path(text).expanduser())
-    if NAME.fullmatch(text) and (models_dir() / text / CARD).is_file():
+    if _is_added(text):
+        from gesture_core.pose.model_store import read_card
+
         return read_card(text)
     known = known_models().get(text)
     if known is None:
+        from gesture_core.pose.model_store import added_names
+
         names = sorted({*known_models(), *added_names()})
         near = difflib.get_close_matches(text, names, 1)
         raise ModelError(
@@ -230,75 +245,6 @@ def find_model(name_or_path: str | os.PathLike[str]) -> ModelFile:
     raise ModelError(
         f"the network {text!r} ({known.licence}) {lacking}", remedy=known.remedy, code="E_MODEL_MISSING"
     )
-
-
-def file_model(path: Path) -> ModelFile:
-    """The model in a file: its contract from its hash, else from its header."""
-    if path.suffix.lower() not in SUFFIXES:
-        meant = known_models().get(str(path))
-        if meant and not path.exists():
-            raise ModelError(
-                "is the name of a network, not a file",
-                subject=str(path),
-                remedy=meant.remedy,
-                code="E_OPTION",
-            )
-        raise ModelError(
-            f"{path.suffix or 'no suffix'} is not a model file's",
-            subject=str(path),
-            remedy=f"a file that ends in {', '.join(SUFFIXES)}",
-            code="E_OPTION",
-        )
-    data = read_model(path)
-    sha256 = hashlib.sha256(data).hexdigest()
-    known = known_by_hash(sha256)
-    contract = known.contract if known else None
-    if path.suffix.lower() == ".onnx":
-        header = read_header(data, str(path))
-        shapes = [tensor.shape for tensor in header.outputs]
-        # Shapes that leave the number of joints or maps open leave the contract to the first run.
-        if not known and all(shape and None not in shape[1:2] for shape in shapes):
-            contract = infer_contract(header.inputs, shapes, str(path))
-    return ModelFile(path, sha256, known.name if known else path.stem, contract)
-
-
-def added_names() -> tuple[str, ...]:
-    """Names of the networks that the user added."""
-    found = (card.parent.name for card in models_dir().glob(f"*/{CARD}"))
-    return tuple(sorted(name for name in found if NAME.fullmatch(name)))
-
-
-def check_name(name: str) -> str:
-    """``name`` where it is one; a ModelError ``E_MODEL_NAME`` otherwise."""
-    if not NAME.fullmatch(name):
-        raise ModelError(
-            f"{name!r} is not a name",
-            remedy="at most 64 lower-case letters and digits, with single '-', '_' or '.' between",
-            code="E_MODEL_NAME",
-        )
-    return name
-
-
-def read_card(name: str) -> ModelFile:
-    """The network that the user added as ``name``; a ModelError ``E_MODEL_CARD`` for a damaged card."""
-    folder = models_dir() / check_name(name)
-    try:
-        table = json.loads(read_model(folder / CARD, 1 << 16))
-        file, sha256, contract = table["file"], str(table["sha256"]), table.get("contract")
-        if not isinstance(file, str) or Path(file).name != file or file in (".", ".."):
-            raise ValueError(f"file name {file!r}")
-        if (folder / file).is_symlink():
-            raise ValueError(f"{file} is a link")
-        found = ModelContract.from_table(contract, name) if contract else None
-        notes = str(table.get("licence", "")), str(table.get("origin", ""))
-        return ModelFile(folder / file, sha256, name, found, *notes)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ModelError(
-            f"its card is damaged: {error}",
-            subject=str(folder / CARD),
-            remedy="remove the folder and add the model again",
-            code="E_MODEL_CARD",
-        ) from error
 
 
 def read_model(path: Path, limit: int | None = None) -> bytes:
@@ -321,3 +267,117 @@ def read_model(path: Path, limit: int | None = None) -> bytes:
         raise ModelError(
             f"cannot be read: {error.strerror}", subject=str(path), code="E_MODEL_FILE"
         ) from error
+
+
+_FIRST = ("onnx", "opencv-dnn")
+"""Backends that ``auto`` takes before any other."""
+_BUILDS = {
+    "provider": "--set pose.provider=auto, or another build of onnxruntime: -gpu, -openvino, -directml",
+    "target": "--set pose.target=auto, or an OpenCV that was built with it",
+}
+
+
+def choose_pose(settings: Settings) -> Settings:
+    """The settings with what ``auto`` in [pose] stands for on this machine.
+
+    Raises
+    ------
+    ModelError
+        From `find_model`.
+    PluginError
+        ``E_PLUGIN_UNKNOWN`` where no backend that is installed reads such a file.
+    ConfigError
+        ``E_PROVIDER`` where the backend cannot run on what the settings ask for, ``E_OPTION`` where it cannot
+        be asked for it, or where the settings have options of another
+        backend alone.
+    """
+    names: Sequence[str] = (settings.pose.model,)
+    if settings.pose.model == "auto":
+        names = [name for name in auto_models() if is_here(name)] or auto_models()[-1:]
+    *others, last = names
+    for name in others:
+        with suppress(ConfigError, PluginError):  # what the settings name cannot run this one
+            return replace(settings, pose=_resolved(settings, name))
+    return replace(settings, pose=_resolved(settings, last))
+
+
+def _resolved(settings: Settings, name: str) -> PoseSettings:
+    """[pose] with a network, the backend that reads it, and what that runs on."""
+    pose, model = settings.pose, find_model(name)
+    backend = backend_name(model) if pose.backend == "auto" else pose.backend
+    reads = registry().find("pose", backend).suffixes
+    if pose.model == "auto" and reads and model.path.suffix.lower() not in reads:
+        raise ConfigError(f"{backend!r} does not read {model.path.suffix}", code="E_OPTION")
+    backends = {plugin for kind, plugin in registry().entries if kind == "pose"}
+    lost = sorted(one for one, options in settings.options.items() if options and one in backends)
+    if pose.backend == "auto" and lost and backend not in lost:
+        raise ConfigError(
+            f"options of {lost[0]!r}, and {name} is run by {backend!r}",
+            remedy=f"--pose {lost[0]}, or options of {backend!r} in their place",
+            code="E_OPTION",
+        )
+    here = _devices(backend)
+    own = str(settings.plugin_options(backend).get("device", "auto"))
+    for setting, remedy in _BUILDS.items():
+        wanted, key = vars(pose)[setting], f"pose.{setting}"
+        if own != "auto" and setting in here:  # the backend's own option goes first
+            wanted, key = own, f"{backend}.device"
+        if wanted != "auto" and setting not in here:
+            raise ConfigError(
+                f"pose.{setting} = {wanted!r}: the backend {backend!r} has no such choice",
+                remedy=" or ".join(f"--set pose.{own}=…" for own in here) or "leave it out",
+                code="E_OPTION",
+            )
+        if wanted != "auto" and wanted not in here[setting]:
+            raise ConfigError(
+                f"{key} = {wanted!r}: {backend!r} here has only {', '.join(here[setting])}",
+                remedy=remedy,
+                code="E_PROVIDER",
+            )
+    asked = {setting: vars(pose)[setting] if own == "auto" else own for setting in here}
+    devices: dict[str, Any] = {
+        setting: next(iter(here[setting]), "auto") if wanted == "auto" else wanted
+        for setting, wanted in asked.items()
+    }
+    return replace(pose, model=name, backend=backend, **devices)
+
+
+def _devices(backend: str) -> dict[str, list[str]]:
+    """What a backend says that it can run on here, by the setting that chooses."""
+    kind = registry().load("pose", backend)
+    with calling(registry().find("pose", backend)):
+        if not (isinstance(kind, type) and issubclass(kind, DeviceChoice)):
+            return {}
+        return {str(setting): [*map(str, names)] for setting, names in kind.devices().items()}
+
+
+def backend_name(model: ModelFile) -> str:
+    """The first backend that reads files such as the model's."""
+    plugins, suffix = registry(), model.path.suffix.lower()
+    able = [
+        name for name in plugins.names("pose", usable=True) if suffix in plugins.find("pose", name).suffixes
+    ]
+    if not able:
+        raise PluginError(
+            f"no pose backend that is installed reads {suffix}",
+            subject=str(model.path),
+            remedy="'gesture plugins' says what is missing; --pose with another one",
+            code="E_PLUGIN_UNKNOWN",
+        )
+    return next((name for name in _FIRST if name in able), able[0])
+
+
+def described(settings: Settings) -> str:
+    """What finds people under settings from `choose_pose`, and what the strongest network would bring."""
+    pose, known = settings.pose, known_models()
+    device = next((one for one in (pose.provider, pose.target) if one != "auto"), "")
+    text = f"{pose.model} on {pose.backend}" + (f" ({device})" if device else "")
+    here, best = known.get(pose.model), known[auto_models()[0]]
+    if here and here.frames:
+        text += f", about {here.frames} frames/s a core"
+    if here and here.name in auto_models()[1:] and not is_here(best.name):
+        text += (
+            f"; 'gesture models get {best.name}' brings a stronger network: {best.gestures} % of 15 gestures "
+            f"of new people instead of {here.gestures} %, at {best.frames} frames/s"
+        )
+    return text

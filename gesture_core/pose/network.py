@@ -10,7 +10,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -19,8 +18,7 @@ from gesture_core.errors import ModelError, PoseError
 from gesture_core.pose.contract import ModelContract, Tensor, infer_contract
 from gesture_core.pose.decode import decode
 from gesture_core.pose.follow import Anatomy
-from gesture_core.pose.models import FINDER, ModelFile, find_model
-from gesture_core.pose.onnx_header import OnnxHeader, read_header
+from gesture_core.pose.models import FINDER, ModelFile, find_model, known_by_hash
 from gesture_core.skeletons import skeleton
 from gesture_core.types import Person
 
@@ -179,10 +177,10 @@ class NetworkBackend(ABC):
         self.device = first if device == "auto" else device
         # The bytes that are checked are the bytes that run: the file is not opened again.
         data = model.read()
-        is_onnx = model.path.suffix.lower() == ".onnx"
-        self.header: OnnxHeader | None = read_header(data, str(model.path)) if is_onnx else None
+        if not known_by_hash(model.sha256):
+            self.declared(data)  # refuses what would have a runtime open other files
         self.open(data)
-        self.contract = model.contract or self._contract_of_a_run()
+        self.contract = model.contract or self._contract_of_a_run(data)
         self.follow, self.crop = self.contract.follow, self.contract.crop
         self.steady = self.contract.steady if steady is None else steady
         self.region = (
@@ -204,7 +202,6 @@ class NetworkBackend(ABC):
             "height": str(self.contract.input_size[0] if self.contract.input_size else free),
         }
 
-    @cached_property
     def finder(self) -> NetworkBackend:
         """The packaged network on the same runtime, for the first region of one that needs a region."""
         return type(self)(find_model(FINDER), threads=self.threads, presence=0, device=self.device)
@@ -213,6 +210,15 @@ class NetworkBackend(ABC):
     def devices(cls) -> Mapping[str, Sequence[str]]:
         """As `gesture_core.plugin.abilities.DeviceChoice` says: nothing to choose."""
         return {}
+
+    def declared(self, data: bytes) -> tuple[Sequence[Tensor], Sequence[Tensor]]:
+        """Inputs and outputs in the order of an ONNX file; none of another file, which has no header."""
+        if self.model.path.suffix.lower() != ".onnx":
+            return (), ()
+        from gesture_core.pose.onnx_header import read_header
+
+        header = read_header(data, str(self.model.path))
+        return header.inputs, header.outputs
 
     @abstractmethod
     def open(self, data: bytes) -> None:
@@ -293,12 +299,11 @@ class NetworkBackend(ABC):
             person = replace(person, presence=1 / (1 + math.exp(-logit)))
         return person
 
-    def _contract_of_a_run(self) -> ModelContract:
+    def _contract_of_a_run(self, data: bytes) -> ModelContract:
         """The contract of a network that no header describes, from one run on a grey picture."""
         side = _REGION if self.model.path.suffix.lower() == ".tflite" else 368
-        declared = Tensor("input", "float32", (None, 3, side, side))
-        if self.header is not None and self.header.inputs:
-            declared = self.header.inputs[0]
+        inputs, _ = self.declared(data)
+        declared = next(iter(inputs), Tensor("input", "float32", (None, 3, side, side)))
         shape = [1 if i == 0 else (n or 256) for i, n in enumerate(declared.shape)]
         if len(shape) != 4 or 3 not in (shape[1], shape[3]):
             infer_contract([declared], [], str(self.model.path))  # raises, and names the shape

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gesture_core.errors import KeypointError
+from gesture_core.signals.repair import placeholders
 from gesture_core.skeletons import COCO18, SKELETONS
 from gesture_core.types import PoseSequence
 
@@ -38,6 +41,10 @@ def check_plausible(pose: PoseSequence) -> list[str]:
     KeypointError
         E_KEYPOINTS_IMPLAUSIBLE with the figures, and the option of ``keypoints`` to try.
     """
+    # A joint at 0, 0 is none, whatever its score: it is taken out later (`gesture_core.signals.repair`).
+    zero = placeholders(pose)
+    if zero.any() and not zero[pose.seen].all():
+        pose = replace(pose, keypoints=np.where(zero[..., None], np.float32(np.nan), pose.keypoints))
     body = pose.as_coco18()
     points = body.keypoints.astype(np.float64)
     points = points[body.seen.any(axis=1)]
@@ -52,7 +59,7 @@ def check_plausible(pose: PoseSequence) -> list[str]:
         alike = [
             name for name in alike if len(SKELETONS[name].joints) == len(SKELETONS[pose.skeleton].joints)
         ]
-        order = f"keypoints.order={'|'.join([*alike, 'NAME,NAME,…'])}"
+        order = f"--set keypoints.order={'|'.join([*alike, 'NAME,NAME,…'])}"
     hips = _middle(points[:, COCO18.index("left_hip")], points[:, COCO18.index("right_hip")])
     neck = points[:, COCO18.index("neck")]
     up = neck - hips
@@ -86,22 +93,24 @@ def _size(pose: PoseSequence, points: np.ndarray) -> float:
     extent = float(np.median((np.nanmax(several, axis=1) - np.nanmin(several, axis=1)).max(axis=1)))
     metres = pose.provenance.get("unit") == "metres"
     if extent <= _POINT * max(1.0, float(np.nanmax(np.abs(several)))):
-        raise _refused(pose, "all joints lie in one place", "another column for x and y, or keypoints.order")
+        raise _refused(
+            pose, "all joints lie in one place", "another column for x and y, or --set keypoints.order=…"
+        )
     if not metres and extent <= _SMALLEST:
         raise _refused(
             pose,
             f"the body is {extent:.2g} pixels large",
-            "keypoints.unit=shares with keypoints.frame_size=WIDTHxHEIGHT",
-            "keypoints.unit=metres, also for any other unit that is the same in x and y",
+            "--set keypoints.unit=shares with --set keypoints.frame_size=WIDTHxHEIGHT",
+            "--set keypoints.unit=metres, also for any other unit that is the same in x and y",
         )
     if metres and extent > _METRES:
-        raise _refused(pose, f"the body is {extent:.3g} metres large", "keypoints.unit=pixels")
+        raise _refused(pose, f"the body is {extent:.3g} metres large", "--set keypoints.unit=pixels")
     width = max(pose.frame_size) if pose.frame_size else 0
     if "scaled" in pose.provenance:
         width = max(int(word) for word in pose.provenance["scaled"].split() if word.isdigit())
     if not metres and extent > (_PICTURES * width or _PIXELS):
         times = f", {extent / width:.3g} pictures" if width else ""
-        raise _refused(pose, f"the body is {extent:.3g} pixels large{times}", "keypoints.unit=pixels")
+        raise _refused(pose, f"the body is {extent:.3g} pixels large{times}", "--set keypoints.unit=pixels")
     return extent
 
 
@@ -142,7 +151,10 @@ def _arms(pose: PoseSequence, points: np.ndarray, torso: float, order: str) -> N
     if arms and max(arms) > _LONGEST_ARMS * torso:
         ratio = f"{max(arms) / torso:.1f} torsos" if torso else "any length, and the torso has none"
         raise _refused(
-            pose, f"the arms are {ratio} long", order or "another order of the columns", "keypoints.unit"
+            pose,
+            f"the arms are {ratio} long",
+            order or "another order of the columns",
+            "--set keypoints.unit=…",
         )
 
 
@@ -154,16 +166,16 @@ def _upright(pose: PoseSequence, up: np.ndarray, doubted: bool, order: str) -> l
     if head_down.mean() >= _ALWAYS:
         cause = f"the body stands on its head in {head_down.sum()} of {len(up)} frames"
         if doubted:
-            believed = "keypoints.axes=xy to believe it"
-            raise _refused(pose, cause, "keypoints.axes=x-y (y points up)", order, believed)
+            believed = "--set keypoints.axes=xy to believe it"
+            raise _refused(pose, cause, "--set keypoints.axes=x-y (y points up)", order, believed)
         return [cause]
     if lying.mean() < _ALWAYS:
         return []
     cause = f"the body lies on its side in {lying.sum()} of {len(up)} frames, {usual:.0f}° from upright"
     swapped = np.degrees(np.arctan2(np.abs(up[:, 1]), -up[:, 0]))
     if doubted and float(np.median(swapped)) < _LYING:
-        believed = "keypoints.axes=xy where people do lie down"
-        raise _refused(pose, cause, "keypoints.axes=yx (y stands first)", order, believed)
+        believed = "--set keypoints.axes=xy where people do lie down"
+        raise _refused(pose, cause, "--set keypoints.axes=yx (y stands first)", order, believed)
     return [cause]
 
 

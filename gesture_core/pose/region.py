@@ -25,6 +25,8 @@ ROOM = 1.25
 """Side of the square over the diameter of the circle around the body, as BlazePose was trained with."""
 REACH = 1.75
 """Radius of that circle in torso lengths: the median of what BlazePose says in 3,300 frames."""
+_FARTHEST = 1e5
+"""Pixels."""
 LOOKS = 3
 """Times that a find is looked at, each time in the region that follows from it."""
 AGREED = 0.45
@@ -43,7 +45,12 @@ class Region:
 
     @classmethod
     def around(cls, middle: np.ndarray, top: np.ndarray) -> Region | None:
-        """The square around a circle, from its middle and its top as the person stands; None for none."""
+        """The square around a circle, from its middle and its top as the person stands; None for none.
+
+        Nor for one that no picture can show: a network may give any number.
+        """
+        if not np.abs([middle, top]).max() < _FARTHEST:  # NaN neither
+            return None
         up = top - middle
         radius = float(np.hypot(*up))
         if not radius > 2:
@@ -97,7 +104,7 @@ class RegionFollower:
         assert isinstance(backend, RegionFollowing)
         self.backend = backend
         self.searches = 0
-        self._finder = Follower(backend.finder)
+        self._finder = Follower(backend.finder())
         self._anatomy = Anatomy(COCO18)
         self._region: Region | None = None
         self._pause = 0

@@ -1,1 +1,1 @@
-"""Pictures of results: evaluations, explanations of a decision, keypoints over a video."""
+"""Pictures and pages of results: evaluations, explanations of a decision, whole runs."""

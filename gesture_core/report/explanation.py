@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from gesture_core.classify.explanation import Alignment, Explanation, contrast
-from gesture_core.report.style import ANSWER, MATCH, QUERY, RUNNER_UP, new_figure, save
+from gesture_core.colours import ANSWER, MATCH, QUERY, RUNNER_UP
+from gesture_core.report.style import new_figure, save
 from gesture_core.types import Signals
 
 _CHANNELS = 4

@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from gesture_core.report.overlay import draw_pose
+from gesture_core.pose.overlay import draw_pose
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
 

@@ -1,4 +1,4 @@
-"""The look of all pictures: what each colour means, fonts, and how a figure becomes a file.
+"""The look of all plots: fonts, and how a figure becomes a file.
 
 matplotlib draws to files only and is loaded when it is needed.
 """
@@ -14,15 +14,6 @@ from gesture_core.files import replacing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Told apart by people who see few colours, and in print (Okabe and Ito 2008).
-BLACK, BLUE, GREEN, VERMILLION, PURPLE = "#000000", "#0072b2", "#009e73", "#d55e00", "#cc79a7"
-ORANGE, SKY, GREY, WHITE = "#e69f00", "#56b4e9", "#7f7f7f", "#ffffff"
-QUERY, ANSWER, RUNNER_UP, MATCH = BLACK, GREEN, PURPLE, GREY
-"""The input, the class that won with its example, the second best with its own, matched frames."""
-BY_MARGIN, BY_DISTANCE = VERMILLION, GREY
-"""What a threshold is set on."""
-RIGHT, LEFT, MIDDLE = ORANGE, SKY, WHITE
-"""Sides of a person's body, theirs, not the picture's. No curve has the colour of a side."""
 _OTHER_SCRIPTS = (
     "Noto Sans CJK SC", "Noto Sans CJK JP", "Noto Sans CJK KR", "WenQuanYi Micro Hei", "IPAGothic",
     "Hiragino Sans", "PingFang SC", "Apple SD Gothic Neo", "Microsoft YaHei", "Yu Gothic", "Malgun Gothic",

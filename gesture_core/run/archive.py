@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import os
 import tempfile
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gesture_core.errors import GestureError, InputError
-from gesture_core.run.extract import extract_all
-from gesture_core.run.inputs import discover
-from gesture_core.run.pipeline import Listener, RunSummary, run_archive
+from gesture_core.errors import GestureError
+from gesture_core.run.extract import Listener, people_of
+from gesture_core.run.inputs import discover_readable
+from gesture_core.run.pipeline import RunSummary, run_archive
 from gesture_core.run.plan import RunRequest
-from gesture_core.run.store import keypoint_store, read_keypoints
 from gesture_core.settings import Settings, load_settings
 from gesture_core.types import PoseSequence
 
@@ -54,32 +52,16 @@ def load_poses(
         For the first input that cannot be read; `classify_archive` gives such an input a row instead.
     """
     ready = with_changes(settings, changes)
-    every = discover(as_strings(sources), settings=ready)
-    items = [item for item in every if item.kind != "other"]
-    if not items:
-        raise InputError(
-            "holds no video or keypoint file",
-            subject=", ".join(as_strings(sources)),
-            remedy="another path",
-            code="E_EMPTY",
-        )
-    if strangers := [item.name for item in every if item.kind == "other"]:
-        shown = ", ".join(strangers[:5]) + (", …" if strangers[5:] else "")
-        warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)
+    items = discover_readable(as_strings(sources), settings=ready)
     for item in items:
         if item.kind == "broken":
-            raise InputError(
-                item.fault, subject=item.name, remedy=item.remedy or "repairing it", code=item.code
-            )
-    extracted = extract_all(items, ready, workers=workers)
-    by_key = {item.key: found for item, found in extracted}
-    poses: list[PoseSequence] = []
+            raise item.error()
+    came = {item.key: (found, people) for item, found, people in people_of(items, ready, workers=workers)}
     for item in items:
-        found = by_key[item.key]
+        found, _ = came[item.key]
         if found.code:
             raise GestureError(found.message, subject=item.name, code=found.code)
-        poses += read_keypoints(keypoint_store() / found.stored, item.name).sequences
-    return poses
+    return [pose for item in items for pose in came[item.key][1]]
 
 
 def classify_archive(
@@ -94,6 +76,7 @@ def classify_archive(
     engine: str = "processes",
     retry_errors: bool = False,
     overwrite: bool = False,
+    spot: bool = False,
     listener: Listener | None = None,
     **changes: Any,
 ) -> RunSummary:
@@ -116,6 +99,8 @@ def classify_archive(
         Name of an execution engine: ``processes``, or ``inline`` for debugging.
     retry_errors, overwrite : bool
         As in `RunRequest`.
+    spot : bool
+        Look for the examples in long recordings, see `spot_archive`.
     listener : Listener, optional
         Told about the run as it goes on.
 
@@ -130,12 +115,13 @@ def classify_archive(
         folder,
         with_changes(settings, changes),
         as_strings(examples),
-        labels,
-        workers,
-        engine,
+        labels=labels,
+        label_columns=label_columns,
+        workers=workers,
+        engine=engine,
         retry_errors=retry_errors,
         overwrite=overwrite,
-        label_columns=label_columns,
+        spot=spot,
     )
     return run_archive(request, listener)
 
@@ -145,42 +131,25 @@ def spot_archive(
     examples: Sources,
     out: str | os.PathLike[str] | None = None,
     settings: Settings | str | None = None,
-    *,
-    labels: str = "folder",
-    workers: int = 0,
-    engine: str = "processes",
-    retry_errors: bool = False,
-    overwrite: bool = False,
-    listener: Listener | None = None,
-    **changes: Any,
+    **options: Any,
 ) -> RunSummary:
     """Find the examples in long recordings: `gesture spot` as a function.
 
-    The parameters are those of `classify_archive`. An example called ``_none`` is a movement that is no
-    gesture.
+    Parameters
+    ----------
+    sources, examples, out, settings, options
+        As in `classify_archive`. An example called ``_none`` is a movement that is no gesture.
 
     Returns
     -------
     RunSummary
         ``summary.rows()`` has a row for every event, and one for each input without any.
     """
-    folder = Path(out) if out is not None else Path(tempfile.mkdtemp(prefix="gesture-run-"))
-    request = RunRequest(
-        as_strings(sources),
-        folder,
-        with_changes(settings, changes),
-        as_strings(examples),
-        labels,
-        workers,
-        engine,
-        retry_errors=retry_errors,
-        overwrite=overwrite,
-        spot=True,
-    )
-    return run_archive(request, listener)
+    return classify_archive(sources, examples, out, settings, spot=True, **options)
 
 
 def with_changes(settings: Settings | str | None, changes: dict[str, Any]) -> Settings:
+    """Ready settings, or those of a preset, with ``changes`` by name, ``__`` standing for the dot."""
     ready = settings if isinstance(settings, Settings) else load_settings(settings)
     return ready.with_values((key.replace("__", "."), value) for key, value in changes.items())
 

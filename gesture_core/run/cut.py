@@ -15,10 +15,9 @@ from typing import Any, Literal
 from gesture_core.errors import GestureError, InputError, MissingDependencyError, RunFolderError, WorkerError
 from gesture_core.files import printable
 from gesture_core.records import Job, Row, Task
-from gesture_core.run.evaluate import people_of
+from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.found_again import find_inputs
 from gesture_core.run.inputs import Input
-from gesture_core.run.pipeline import Listener
 from gesture_core.run.results import open_results
 from gesture_core.run.store import write_keypoints
 from gesture_core.run.workers.clips import SAME

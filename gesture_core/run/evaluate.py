@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
-import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -21,25 +19,17 @@ from gesture_core.classify.evaluation import (
     answer,
     choose_nested,
     compare_all,
-    folds,
 )
-from gesture_core.errors import ConfigError, GestureError, InputError
-from gesture_core.files import printable
-from gesture_core.pose.choice import choose_pose, described
-from gesture_core.run.archive import Sources, as_strings
-from gesture_core.run.extract import extract_all
+from gesture_core.classify.examples import sided_labels
+from gesture_core.errors import ConfigError, GestureError
+from gesture_core.run.archive import Sources, as_strings, with_changes
+from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.fingerprint import fingerprint, pose_identity, run_configuration
-from gesture_core.run.inputs import Input, discover
-from gesture_core.run.labels import halves_a_word, label_inputs, search_name
-from gesture_core.run.pipeline import Listener
-from gesture_core.run.store import keypoint_store, read_keypoints
-from gesture_core.run.workers.keypoints import Extracted
-from gesture_core.settings import Settings, load_settings
+from gesture_core.run.inputs import Input
+from gesture_core.run.protocol import check_protocol, examples_of_split, labelled_inputs, subject_of
+from gesture_core.settings import Settings
 from gesture_core.settings.load import check_option, find_key
 from gesture_core.types import PoseSequence
-
-_NAMED = 5
-"""Files or labels that a message lists."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +78,12 @@ class EvaluationResult:
         """Why inputs could not be compared, by their names; they count as not recognised."""
         names = self.compared.data.names
         return {names[index]: error for index, error in self.compared.errors.items()}
+
+    @property
+    def sided(self) -> list[str]:
+        """Labels on the left that have their like on the right, where `best` also takes examples mirrored."""
+        mirrored = self.compared.settings.classify.mirror is not None
+        return sided_labels(set(self.compared.data.labels)) if mirrored else []
 
     def copies(self) -> tuple[int, list[tuple[int, int]]]:
         """Inputs at no distance from another one: the same clip twice, under other names or labels.
@@ -178,8 +174,7 @@ def evaluate_archive(
     >>> f"{result.accuracy:.0%} of {len(result.best.answers)} clips"
     '100% of 12 clips'
     """
-    ready = settings if isinstance(settings, Settings) else load_settings(settings)
-    ready = ready.with_values((key.replace("__", "."), value) for key, value in changes.items())
+    ready = with_changes(settings, changes)
     tried = sorted((grid or {}).items())
     points: list[dict[str, Any]] = [
         dict(zip((key for key, _ in tried), values, strict=True))
@@ -196,11 +191,11 @@ def evaluate_archive(
                     code="E_OPTION",
                 )
             check_option(key, candidate, "--grid")
-    items = _labelled(as_strings(sources), labels, label_columns, avoid, ready)
-    who = [_subject(item, subjects or labels, explicit=bool(subjects)) for item in items]
-    examples = _examples(items, train, protocol)
+    items = labelled_inputs(as_strings(sources), labels, label_columns, avoid, ready)
+    who = [subject_of(item, subjects or labels, explicit=bool(subjects)) for item in items]
+    examples = examples_of_split(items, train, protocol)
     neighbors = max(candidate.classify.neighbors for candidate in candidates)
-    _check_protocol(protocol, items, who, examples, neighbors)
+    check_protocol(protocol, items, who, examples, neighbors)
     listener = listener or Listener()
     poses, hashes, identity, assumed = _load(items, ready, workers, listener)
     names = [item.name for item in items]
@@ -224,48 +219,14 @@ def evaluate_archive(
     )
 
 
-def people_of(
-    items: Sequence[Input],
-    settings: Settings,
-    *,
-    identity: Mapping[str, Any] | None = None,
-    workers: int = 0,
-    listener: Listener | None = None,
-) -> Iterator[tuple[Input, Extracted, list[PoseSequence]]]:
-    """Everybody in each of ``items``, from the keypoint store or extracted in worker processes.
-
-    The parameters are those of `extract.extract_all`, and the listener of its progress.
-
-    Yields
-    ------
-    (Input, Extracted, list of PoseSequence)
-        As they come, in any order. The list is empty where there is an error, or nobody was found.
-    """
-    listener = listener or Listener()
-    listener.planned(len(items), len(items), 0, "")
-    if any(item.kind == "video" for item in items):
-        listener.network(described(choose_pose(settings)))
-    for item, found in extract_all(
-        items, settings, identity=identity, workers=workers, on_frames=listener.frames
-    ):
-        listener.extracted(item.name, found.cached)
-        people: list[PoseSequence] = []
-        if not found.code:
-            people = read_keypoints(keypoint_store() / found.stored, item.name).sequences
-        yield item, found, people
-
-
 def _load(
     items: Sequence[Input], settings: Settings, workers: int, listener: Listener
 ) -> tuple[list[PoseSequence | GestureError], list[str], dict[str, Any], Counter[str]]:
     """The first person of each input or why there is none, content hashes, what made the keypoints, and what
     was assumed.
     """
-    identity = pose_identity(settings, any(item.kind == "video" for item in items))
-    poses: list[PoseSequence | GestureError] = [
-        InputError(item.fault, subject=item.name, remedy=item.remedy, code=item.code or None)
-        for item in items
-    ]
+    identity = pose_identity(settings, items)
+    poses: list[PoseSequence | GestureError] = [item.error() for item in items]
     hashes = [""] * len(items)
     assumed: Counter[str] = Counter()
     readable = [item for item in items if item.kind != "broken"]
@@ -283,115 +244,6 @@ def _load(
         else:
             poses[number] = GestureError("nobody was found", subject=item.name, code="E_NO_PERSON")
     return poses, hashes, identity, assumed
-
-
-def _labelled(
-    sources: Sequence[str], labels: str, columns: str, avoid: Path | None, settings: Settings
-) -> list[Input]:
-    """The inputs with their labels; those that cannot be read are among them and count as wrong."""
-    every = discover(sources, avoid=avoid, settings=settings)
-    found = [item for item in every if item.kind != "other"]
-    if not found:
-        raise InputError(
-            "holds no video or keypoint file",
-            subject=", ".join(sources),
-            remedy="another path",
-            code="E_EMPTY",
-        )
-    if others := [printable(item.name) for item in every if item.kind == "other"]:
-        count = f"{len(others)} file{'s' if others[1:] else ''}"
-        _warn(f"left out as neither video nor keypoints: {count}, {_some(others)}")
-    labelled = label_inputs(found, labels, sources, columns)
-    for item in labelled:
-        if not item.label:
-            raise InputError(
-                item.fault, subject=item.name, remedy=item.remedy or "repairing it", code=item.code
-            )
-    if len({item.label for item in labelled}) == 1:
-        raise ConfigError(
-            f"every input is called {labelled[0].label!r}: there is nothing to tell apart",
-            remedy="inputs of several labels, or other --labels",
-            code="E_LABELS",
-        )
-    return labelled
-
-
-def _subject(item: Input, pattern: str, *, explicit: bool) -> str:
-    """Who performs ``item``; empty where nothing says how to tell."""
-    if not explicit and "(?P<subject>" not in pattern:
-        return ""
-    try:
-        match = search_name(re.compile(pattern), item)
-    except re.error as error:
-        raise ConfigError(f"--subjects {pattern!r} is no regular expression: {error}") from None
-    who = match and match.re.groups and (match.groupdict().get("subject") or match.group(1))
-    if not match or not who:
-        raise ConfigError(
-            f"no subject for {item.name} by {pattern!r}",
-            remedy="--subjects with a group, such as '_s(?P<subject>[0-9]+)_' "
-            "(one with a / is searched in the whole path)",
-            code="E_SUBJECTS",
-        )
-    if halves_a_word(match, "subject"):
-        raise ConfigError(
-            f"--subjects {pattern!r} finds {who!r} inside a word of {item.name}",
-            remedy="an expression for letters with accents too, such as '_(?P<subject>.+?)_'",
-            code="E_SUBJECTS",
-        )
-    return str(who)
-
-
-def _examples(items: Sequence[Input], train: str, protocol: str) -> list[bool] | None:
-    """Which inputs are the examples of a split."""
-    if not train:
-        return None
-    if protocol != "split":
-        raise ConfigError(
-            f"--train {train!r} is for a split only", remedy="--protocol split", code="E_OPTION"
-        )
-    try:
-        return [search_name(re.compile(train), item) is not None for item in items]
-    except re.error as error:
-        raise ConfigError(f"--train {train!r} is no regular expression: {error}", code="E_OPTION") from None
-
-
-def _check_protocol(
-    protocol: str,
-    items: Sequence[Input],
-    who: Sequence[str],
-    examples: Sequence[bool] | None,
-    neighbors: int,
-) -> None:
-    """Raise what the protocol would raise, before hours of extraction instead of after them.
-
-    Warns as well of tests that must fail, since no other subject, or nothing else, has their label.
-    """
-    names, codes = np.unique([str(item.label) for item in items], return_inverse=True)
-    alike = np.broadcast_to(0.0, (len(items), len(items)))
-    tests, least, impossible = 0, len(items), Counter[str]()
-    for fold in folds(protocol, codes, who, alike, examples):
-        tests += len(fold.test)
-        least = min(least, len(fold.train))
-        impossible.update(names[codes[fold.test][~np.isin(codes[fold.test], codes[fold.train])]].tolist())
-    if neighbors > least:
-        raise ConfigError(
-            f"{neighbors} neighbours were asked for, and a fold has {least} example{'s' * (least != 1)}",
-            remedy=f"--neighbors up to {least}, or 0 for all examples",
-            code="E_NEIGHBORS",
-        )
-    if impossible:
-        _warn(
-            f"{impossible.total()} of {tests} test{'s' * (tests != 1)} cannot be right: "
-            f"no example of {_some(sorted(impossible))} is left to compare with"
-        )
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, stacklevel=4)
-
-
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(names[:_NAMED]) + (", …" if names[_NAMED:] else "")
 
 
 def _fingerprint(settings: Settings, identity: Mapping[str, Any], data: Labelled) -> str:

@@ -11,15 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.classify import explanation
+from gesture_core.classify.examples import sided_labels
 from gesture_core.classify.explanation import Explanation
 from gesture_core.classify.recognizer import Recognizer, signals_of
 from gesture_core.errors import GestureError, InputError, RunFolderError
-from gesture_core.files import printable
 from gesture_core.records import Row
-from gesture_core.run.evaluate import people_of
-from gesture_core.run.found_again import path_of, spelled
-from gesture_core.run.inputs import Input, discover
-from gesture_core.run.pipeline import Listener
+from gesture_core.run.annotations import event_of
+from gesture_core.run.extract import Listener, people_of
+from gesture_core.run.found_again import find_inputs
+from gesture_core.run.inputs import Input
 from gesture_core.run.results import open_results
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
@@ -41,15 +41,23 @@ class RowExplanation:
         the movement costs; where all examples decide, also what each of them adds to the decision.
     file_name : str
         For a picture of it; no other input of the run has the same one.
+    sided : tuple of str
+        Labels on the left that have their like on the right, where examples also stand for the other hand.
     """
 
     row: Row
     explanation: Explanation
     file_name: str
+    sided: tuple[str, ...] = ()
 
 
 def explain(
-    run: str | os.PathLike[str], input: str, person: int = 0, *, listener: Listener | None = None
+    run: str | os.PathLike[str],
+    input: str,
+    person: int = 0,
+    event: int = 0,
+    *,
+    listener: Listener | None = None,
 ) -> RowExplanation:
     """Explain a row of a run: `gesture explain` as a function.
 
@@ -62,6 +70,9 @@ def explain(
         The input as the row names it, or a part of its name that no other one has.
     person : int
         Which person of the input, where it has several.
+    event : int
+        Which event, in a run of `gesture spot`; the first one by default. The examples must be where the run
+        found them.
     listener : Listener, optional
         Told about the extraction of keypoints that are not in the store any more.
 
@@ -84,15 +95,11 @@ def explain(
     """
     with open_results(run) as results:
         rows = list(results.rows())
-        row = _row(rows, input, person)
-        if row.event or row.code == "E_NO_EVENT":
-            raise RunFolderError(
-                "is a run of gesture spot, and events have no explanation yet", subject=os.fspath(run),
-                remedy="a clip of the event, and gesture classify", code="E_NO_RUN",
-            )  # fmt: skip
+        row = _row(rows, input, person, event)
         configuration = json.loads(results.get("configuration") or "{}")
         left_out = {failed.input for failed in results.rows("example")}
         place = results.place_of(row.input)
+        fingerprint = results.get("fingerprint") or ""  # of all its rows: other settings were refused
     if not configuration.get("examples"):
         raise RunFolderError(
             "holds keypoints only, nothing was classified",
@@ -104,7 +111,9 @@ def explain(
         raise _nothing(row)
     examples = {n: known for n, known in configuration["examples"].items() if n not in left_out}
     hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
-    recognizer = open_fitted(Path(run), row.fingerprint)
+    if row.event:
+        return _explain_event(row, rows, examples, hashes, place, configuration, listener)
+    recognizer = open_fitted(Path(run), fingerprint)
     settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])
     places = {name: known["path"] for name, known in examples.items() if "path" in known}
     wanted = {row.input: row.sha256} if recognizer else hashes
@@ -113,6 +122,43 @@ def explain(
     recognizer = recognizer or _recognizer(examples, people, settings)
     distances = recognizer.distances([query])[0]
     found = explanation.explain(query, recognizer.library, distances, settings, recognizer.weights)
+    mirrored = settings.classify.mirror is not None
+    sided = sided_labels({str(label) for label in recognizer.library.labels}) if mirrored else ()
+    return RowExplanation(row, found, _file_name(row, rows), tuple(sided))
+
+
+def _explain_event(
+    row: Row,
+    rows: Sequence[Row],
+    examples: Mapping[str, Any],
+    hashes: Mapping[str, str],
+    place: Path | None,
+    configuration: Mapping[str, Any],
+    listener: Listener | None,
+) -> RowExplanation:
+    """The event of a row, aligned with its example."""
+    from gesture_core.spot.explanation import explain_event
+
+    settings = settings_from_dict(configuration["settings"])
+    places = {name: known["path"] for name, known in examples.items() if "path" in known}
+    people = _people(hashes, places | {row.input: os.fspath(place or "")}, settings, listener)
+    poses = [pose for pose in people.get(row.input, []) if pose.person == row.person]
+    names = [name for name in examples if people.get(name)]
+    if not poses or row.neighbors[0][0] not in names:
+        raise InputError(
+            "the event's keypoints, or those of its example, are not there any more",
+            subject=row.input,
+            remedy="gesture spot once more",
+            code="E_CHANGED",
+        )
+    found = explain_event(
+        event_of(row),
+        poses[0],
+        [people[name][0] for name in names],
+        [str(examples[name]["label"]) for name in names],
+        names,
+        settings,
+    )
     return RowExplanation(row, found, _file_name(row, rows))
 
 
@@ -124,15 +170,18 @@ def _people(
     ``hashes`` are the content hashes that the run saw; an input that has changed since is an error.
     An input that cannot be read is left out. ``places`` are absolute paths, where the run knows them.
     """
-    paths = {name: path_of(name, places.get(name, "")) for name in hashes}
-    spellings: dict[str, list[str]] = {}  # an input may be an example too, under another name
-    for name, path in paths.items():
-        spellings.setdefault(spelled(path, name.partition("::")[2]), []).append(name)
-    found_items = _inputs(paths, settings)
-    items = [item for item in found_items if spelled(item.path, printable(item.member)) in spellings]
+    names: dict[bytes, list[str]] = {}  # an input may be an example too, under another name
+    items: dict[bytes, Input] = {}
+    for name, item in find_inputs({name: places.get(name) for name in hashes}, settings).items():
+        if isinstance(item, GestureError):
+            raise item
+        if item.kind == "broken":
+            raise item.error()
+        names.setdefault(item.key, []).append(name)
+        items[item.key] = item
     people: dict[str, list[PoseSequence]] = {}
-    for item, found, sequences in people_of(items, settings, listener=listener):
-        for name in spellings[spelled(item.path, printable(item.member))]:
+    for item, found, sequences in people_of(list(items.values()), settings, listener=listener):
+        for name in names[item.key]:
             if found.sha256 and found.sha256 != hashes[name]:
                 raise InputError(
                     "has changed since the run",
@@ -145,21 +194,11 @@ def _people(
     return people
 
 
-def _inputs(paths: Mapping[str, Path], settings: Settings) -> list[Input]:
-    """What is in the files and folders of inputs, by their names; each is looked into once."""
-    try:
-        return discover(list(dict.fromkeys(paths.values())), settings=settings)
-    except InputError as error:
-        raise InputError(
-            "is not where the run found it",
-            subject=error.subject,
-            remedy="to put it back",
-            code=error.code,
-        ) from None
+def _row(rows: Sequence[Row], name: str, person: int, event: int = 0) -> Row:
+    """The row of the input called ``name``, or the only one whose name ends so, or holds it.
 
-
-def _row(rows: Sequence[Row], name: str, person: int) -> Row:
-    """The row of the input called ``name``, or the only one whose name ends so, or holds it."""
+    Of several events of the person, the one of that number, or the first.
+    """
     names = dict.fromkeys(row.input for row in rows)
     found = (
         [n for n in names if n == name]
@@ -174,9 +213,14 @@ def _row(rows: Sequence[Row], name: str, person: int) -> Row:
             code="E_NOT_FOUND",
         )
     for row in rows:
-        if row.input == found[0] and row.person == person:
+        if row.input == found[0] and row.person == person and (not event or row.event == event):
             return row
-    known = " or ".join(f"--person {row.person}" for row in rows if row.input == found[0])
+    own = [row for row in rows if row.input == found[0]]
+    if event and any(row.person == person for row in own):
+        last = max(row.event for row in own if row.person == person)
+        remedy = f"--event 1 to {last}" if last else ""
+        raise InputError(f"has no event {event}", subject=found[0], remedy=remedy, code="E_NOT_FOUND")
+    known = " or ".join(dict.fromkeys(f"--person {row.person}" for row in own))
     raise InputError(f"has no person {person}", subject=found[0], remedy=known, code="E_NOT_FOUND")
 
 
@@ -184,7 +228,7 @@ def _file_name(row: Row, rows: Sequence[Row]) -> str:
     """The file's name, with its folders where several files have it, and the person."""
     same = {other.input for other in rows if Path(other.input).name == Path(row.input).name}
     name = Path(row.input).name if len(same) == 1 else row.input.lstrip("./")
-    number = f"-{row.person}" if row.person else ""
+    number = (f"-{row.person}" if row.person else "") + (f"-event{row.event}" if row.event else "")
     safe = re.sub(r"[^\w.-]+", "_", name)
     return f"explain-{safe[-80:]}{number}.png"
 

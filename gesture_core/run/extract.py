@@ -10,20 +10,44 @@ from gesture_core.cores import usable_cores
 from gesture_core.errors import Code, ConfigError, ModelError, PluginError, RunFolderError, WorkerError
 from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.abilities import Closeable
-from gesture_core.plugin.registry import Registration, calling, registry
-from gesture_core.pose.choice import choose_pose
-from gesture_core.records import Job, Outcome, Task
+from gesture_core.plugin.registry import calling, registry
+from gesture_core.pose.models import choose_pose, described
+from gesture_core.records import Job, Outcome, Row, Task
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.run.inputs import Input
-from gesture_core.run.store import keypoint_store, prune
+from gesture_core.run.store import keypoint_store, prune, read_keypoints
 from gesture_core.run.workers.functions import encoded
 from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.settings import Settings
+from gesture_core.types import PoseSequence
 
 if TYPE_CHECKING:
     from gesture_core.plugin.interfaces import ExecutionEngine
 
-OnFrames = Callable[[str, int], None]
+
+class Listener:
+    """Told about work as it goes on; override what is of interest."""
+
+    def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
+        """The work is known: all inputs, those that still wait, the examples, the kernel."""
+
+    def stage(self, name: str) -> None:
+        """What is done from now on: ``keypoints``, ``fitting``, ``comparing`` or ``writing``."""
+
+    def network(self, text: str) -> None:
+        """What finds people in videos, and where, in words."""
+
+    def frames(self, name: str, count: int) -> None:
+        """``count`` further frames of an input are done."""
+
+    def extracted(self, name: str, cached: bool) -> None:
+        """The keypoints of an input or example are there, or it has failed."""
+
+    def example_failed(self, row: Row) -> None:
+        """An example cannot be used."""
+
+    def row(self, row: Row) -> None:
+        """A row has been committed."""
 
 
 class OpenEngine:
@@ -40,8 +64,8 @@ class OpenEngine:
         0 for one for each core.
     engine : str
         Name of an execution engine.
-    on_frames : callable
-        Takes the input's name and the number of further frames that are done.
+    listener : Listener, optional
+        Told about frames, and inputs whose keypoints are there.
     """
 
     def __init__(
@@ -52,18 +76,18 @@ class OpenEngine:
         most: int,
         workers: int = 0,
         engine: str = "processes",
-        on_frames: OnFrames = lambda name, count: None,
+        listener: Listener | None = None,
     ) -> None:
         workers = max(1, min(workers or usable_cores(), most))
         threads = max(1, usable_cores() // workers)
-        self._settings = settings
+        self._settings, self._identity = settings, identity
         self._job = Job(settings.as_dict(), str(keypoint_store()), pose_keys(identity), threads)
         self._entry = registry().find("engine", engine)
         options = settings.plugin_options(engine)
         self._engine: ExecutionEngine = registry().make(
             "engine", engine, options, workers=workers, limits=settings.limits
         )
-        self._on_frames = on_frames
+        self._listener = listener or Listener()
 
     def __enter__(self) -> OpenEngine:
         return self
@@ -87,9 +111,13 @@ class OpenEngine:
             Task(n, "extract", {"path": encoded(item.path), "member": item.member, "reader": item.reader})
             for n, item in enumerate(items)
         ]
-        for outcome in self._run(tasks, lambda task, count: self._on_frames(items[task.number].name, count)):
+        plugins, frames = registry(), self._listener.frames
+        for outcome in self._run(tasks, lambda task, count: frames(items[task.number].name, count)):
             item = items[outcome.number]
-            entry = plugin_of(item, self._settings)
+            if item.kind == "video":
+                entry = plugins.find("pose", self._settings.pose.backend)
+            else:
+                entry = plugins.find("reader", item.reader)
             if outcome.error is None:
                 found = Extracted.from_tree(outcome.value)
             elif isinstance(outcome.error, RunFolderError):
@@ -105,9 +133,10 @@ class OpenEngine:
                 found = Extracted(complete=False).failed(
                     error.blaming() if isinstance(error, WorkerError) else error
                 )
+            self._listener.extracted(item.name, found.cached)
             yield item, replace(found, plugin=str(entry.origin), attempts=outcome.attempts)
 
-    def require_model(self, identity: Mapping[str, Any]) -> None:
+    def require_model(self) -> None:
         """Try the network that the settings name on a known picture; what passed once is not tried again.
 
         Raises
@@ -119,7 +148,7 @@ class OpenEngine:
         RunFolderError
             ``E_STORE_WRITE`` where the cache cannot be written.
         """
-        mark = cache_dir() / "probed" / tree_sha256(identity["video"])[:32]
+        mark = cache_dir() / "probed" / tree_sha256(self._identity["video"])[:32]
         if mark.exists():
             return
         try:
@@ -174,25 +203,26 @@ def extract_all(
     *,
     identity: Mapping[str, Any] | None = None,
     workers: int = 0,
-    engine: str = "processes",
-    on_frames: OnFrames = lambda name, count: None,
+    listener: Listener | None = None,
 ) -> Iterator[tuple[Input, Extracted]]:
-    """What came of each of ``items``, videos and keypoint files, from an engine of their own.
+    """What came of each of ``items``, from the keypoint store or extracted in worker processes.
 
     The parameters are those of `OpenEngine`; without ``identity``, it is found. The model is tried first
     where there are videos; as after a run, the keypoint store is then brought below its limit.
     """
+    listener = listener or Listener()
+    listener.planned(len(items), len(items), 0, "")
     if not items:
         return
     videos = any(item.kind == "video" for item in items)
-    settings = choose_pose(settings, needed=videos)
-    identity = pose_identity(settings, videos) if identity is None else identity
+    if videos:
+        settings = choose_pose(settings)
+        listener.network(described(settings))
+    identity = pose_identity(settings, items) if identity is None else identity
     added = False
-    with OpenEngine(
-        settings, identity, most=len(items), workers=workers, engine=engine, on_frames=on_frames
-    ) as opened:
+    with OpenEngine(settings, identity, most=len(items), workers=workers, listener=listener) as opened:
         if videos:
-            opened.require_model(identity)
+            opened.require_model()
         for item, found in opened.extract(items):
             added |= bool(found.stored) and not found.cached
             yield item, found
@@ -200,8 +230,16 @@ def extract_all(
         prune(keypoint_store(), settings.limits.cache)
 
 
-def plugin_of(item: Input, settings: Settings) -> Registration:
-    """What finds the keypoints of an input."""
-    if item.kind == "video":
-        return registry().find("pose", settings.pose.backend)
-    return registry().find("reader", item.reader)
+def people_of(
+    items: Sequence[Input], settings: Settings, **options: Any
+) -> Iterator[tuple[Input, Extracted, list[PoseSequence]]]:
+    """Everybody in each of ``items``; the parameters are those of `extract_all`.
+
+    Yields
+    ------
+    (Input, Extracted, list of PoseSequence)
+        As they come, in any order. The list is empty where there is an error, or nobody was found.
+    """
+    for item, found in extract_all(items, settings, **options):
+        stored = None if found.code else read_keypoints(keypoint_store() / found.stored, item.name)
+        yield item, found, stored.sequences if stored else []

@@ -4,62 +4,75 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import gesture_core
-from gesture_core.errors import ModelError
 from gesture_core.files import tree_sha256
 from gesture_core.plugin import registry
 from gesture_core.run.inputs import Input
 from gesture_core.settings import Settings
 
 
-def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
-    """What decides the keypoints of an input, apart from its content.
+def pose_identity(settings: Settings, items: Collection[Input]) -> dict[str, Any]:
+    """What decides the keypoints of ``items``, apart from their content.
 
     Parameters
     ----------
     settings : Settings
-    with_model : bool
-        False where no input is a video; then the model may be missing.
+    items : collection of Input
 
     Returns
     -------
     dict
-        ``video`` and ``readers``, the latter by name; see `pose_keys`.
+        ``readers``, by the names of those that take part, and ``video`` where there is one: otherwise it does
+        not count which network is there, if any. See `pose_keys`.
+
+    Raises
+    ------
+    ModelError, PluginError, ConfigError
+        From `choose_pose`, where there are videos.
     """
-    from gesture_core.pose.choice import choose_pose
+    plugins, tree = registry(), settings.as_dict()
+    shared = {
+        "people": tree["pose"]["people"],
+        "score": tree["pose"]["score"],
+        "keypoints": tree["keypoints"],
+    }
+    identity: dict[str, Any] = {
+        "readers": {
+            name: {
+                "origin": plugins.find("reader", name).identity,
+                "options": settings.plugin_options(name),
+                **shared,
+            }
+            for name in sorted({item.reader for item in items if item.kind == "keypoints"})
+        }
+    }
+    videos = any(item.kind == "video" for item in items)
+    return {"video": _video_identity(settings), **identity} if videos else identity
+
+
+def _video_identity(settings: Settings) -> dict[str, Any]:
     from gesture_core.pose.extract import REVISION
-    from gesture_core.pose.models import FINDER, find_model
+    from gesture_core.pose.models import FINDER, choose_pose, find_model
     from gesture_core.video import reader_name
 
-    plugins = registry()
-    settings = choose_pose(settings, needed=with_model)
-    tree = settings.as_dict()
-    pose = tree["pose"]
-    shared = {"people": pose["people"], "score": pose["score"], "keypoints": tree["keypoints"]}
-    model: dict[str, Any] | None
-    try:
-        found = find_model(settings.pose.model)
-        contract = found.contract
-        model = {"sha256": found.sha256, "contract": contract.as_table() if contract else None}
-        if contract and contract.layout == "blazepose":
-            model["finder"] = find_model(FINDER).sha256
-    except ModelError:
-        if with_model:
-            raise
-        model = None
-    backend = settings.pose.backend
+    plugins, settings = registry(), choose_pose(settings)
+    found = find_model(settings.pose.model)
+    contract = found.contract
+    model: dict[str, Any] = {"sha256": found.sha256, "contract": contract.as_table() if contract else None}
+    if contract and contract.layout == "blazepose":
+        model["finder"] = find_model(FINDER).sha256
     reader = reader_name(settings.pose.reader, settings.options)
-    video = {
+    return {
         "package": gesture_core.__version__,
         "extraction": REVISION,
-        "settings": pose,
+        "settings": settings.as_dict()["pose"],
         "fps": settings.video.fps,
-        "backend": backend if backend == "auto" else plugins.find("pose", backend).identity,
+        "backend": plugins.find("pose", settings.pose.backend).identity,
         "options": settings.plugin_options(settings.pose.backend),
         "reader": {
             "name": reader,
@@ -68,44 +81,33 @@ def pose_identity(settings: Settings, with_model: bool) -> dict[str, Any]:
         },
         "model": model,
     }
-    readers = {
-        name: {
-            "origin": plugins.find("reader", name).identity,
-            "options": settings.plugin_options(name),
-            **shared,
-        }
-        for name in plugins.names("reader", usable=True)
-    }
-    return {"video": video, "readers": readers}
 
 
 def pose_keys(identity: Mapping[str, Any]) -> dict[str, str]:
     """For videos (``video``) and each keypoint reader (its name): the part of a name in the store."""
-    return {
-        "video": fingerprint(identity["video"]),
-        **{f"reader {name}": fingerprint(tree) for name, tree in identity["readers"].items()},
-    }
+    video = {"video": fingerprint(identity["video"])} if "video" in identity else {}
+    return video | {f"reader {name}": fingerprint(tree) for name, tree in identity["readers"].items()}
 
 
 def run_configuration(
     settings: Settings,
     identity: Mapping[str, Any],
-    examples: Sequence[tuple[Input, str]],
+    examples: Sequence[Input],
     kernel: str,
     spot: bool = False,
 ) -> dict[str, Any]:
-    """What decides the result of a run; ``examples`` come with their content hashes.
+    """What decides the result of a run; ``examples`` have their content hashes.
 
     With ``spot`` they are looked for in long recordings. Without a ``kernel`` nothing is compared, and
     only what decides the keypoints counts.
     """
     if not kernel:
-        tree = _placed(settings).as_dict()
-        pose = {section: tree[section] for section in ("video", "pose", "keypoints")}
+        tree = _told(settings, identity)
+        pose = {section: tree[section] for section in ("video", "pose", "keypoints") if section in tree}
         return {"settings": pose, "keypoints": dict(identity), "plugins": {}, "examples": {}}
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     steps = [registry().find(kind, name.partition(":")[0]) for kind, name in settings.plugins()]
-    tree = _placed(settings).as_dict()
+    tree = _told(settings, identity)
     del tree["limits"]
     if not spot:
         del tree["spot"]
@@ -116,21 +118,44 @@ def run_configuration(
         "examples": {
             item.name: {
                 "label": item.label,
-                "sha256": sha256,
+                "sha256": item.sha256,
                 "member": item.member,
                 "path": os.fsdecode(item.place),
             }
-            for item, sha256 in examples
+            for item in examples
         },
     }
 
 
-def _placed(settings: Settings) -> Settings:
-    """The settings with the file of a model, if it is one, as it is found from any folder."""
+def with_parts_of(earlier: Mapping[str, Any], configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """A configuration, with what decided the inputs of an earlier run of which this one has none.
+
+    A run of keypoint files alone has no network, and one of videos alone no reader: what stood for them
+    neither changes nor gets lost.
+    """
+    before, now = earlier["keypoints"], configuration["keypoints"]
+    settings = {**configuration["settings"]}
+    if "video" not in now and "video" in before:
+        settings |= {
+            "video": earlier["settings"]["video"],
+            "pose": earlier["settings"]["pose"] | settings["pose"],
+        }
+    keypoints = {**before, **now, "readers": {**before["readers"], **now["readers"]}}
+    return {**configuration, "settings": settings, "keypoints": keypoints}
+
+
+def _told(settings: Settings, identity: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings that count: those of videos only where there are any, and the file of a network, if it is
+    one, as it is found from any folder.
+    """
+    tree = settings.as_dict()
     model = Path(settings.pose.model).expanduser()
-    if model.name == settings.pose.model or not model.is_file():
-        return settings
-    return replace(settings, pose=replace(settings.pose, model=str(model.absolute())))
+    if model.name != settings.pose.model and model.is_file():
+        tree["pose"]["model"] = str(model.absolute())
+    if "video" not in identity:
+        del tree["video"]
+        tree["pose"] = {name: tree["pose"][name] for name in ("people", "score")}
+    return tree
 
 
 def fingerprint(configuration: Mapping[str, Any]) -> str:

@@ -15,17 +15,6 @@ from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 
 
-def path_of(name: str, place: str) -> Path:
-    """Where an input is: at its place, or, after a move, where its name leads from here."""
-    typed = Path(name.partition("::")[0])
-    return typed if not place or (typed.exists() and not Path(place).exists()) else Path(place)
-
-
-def spelled(path: Path, member: str) -> str:
-    """The same for all spellings of an input."""
-    return f"{path.resolve()}::{member}"
-
-
 def find_inputs(
     places: Mapping[str, str | os.PathLike[str] | None], settings: Settings
 ) -> dict[str, Input | GestureError]:
@@ -43,14 +32,14 @@ def find_inputs(
     with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         for name, place in places.items():
-            path, member = path_of(name, os.fspath(place or "")), name.partition("::")[2]
+            path, member = _path(name, os.fspath(place or "")), name.partition("::")[2]
             try:
                 if path not in looked:
                     looked[path] = discover([path], assistant=assistant)
                 found[name] = next(
                     item
                     for item in looked[path]
-                    if spelled(item.path, printable(item.member)) == spelled(path, member)
+                    if _spelled(item.path, printable(item.member)) == _spelled(path, member)
                 )
             except (GestureError, StopIteration):
                 found[name] = InputError(
@@ -60,3 +49,14 @@ def find_inputs(
                     code="E_NOT_FOUND",
                 )
     return found
+
+
+def _path(name: str, place: str) -> Path:
+    """Where an input is: at its place, or, after a move, where its name leads from here."""
+    typed = Path(name.partition("::")[0])
+    return typed if not place or (typed.exists() and not Path(place).exists()) else Path(place)
+
+
+def _spelled(path: Path, member: str) -> str:
+    """The same for all spellings of an input."""
+    return f"{path.resolve()}::{member}"

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
-from gesture_core.files import printable, unreadable
+from gesture_core.files import made_up, printable, unreadable
 from gesture_core.records import Job
-from gesture_core.run.manifests import read_manifest
 from gesture_core.run.readers import Readers
 from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
@@ -31,6 +30,9 @@ PICTURE_SUFFIXES = frozenset(".jpg .jpeg .png .bmp .ppm .tif .tiff .webp".split(
 COMPANIONS = frozenset(
     ".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .xml .yaml .yml .toml .ini .db .lnk".split()
 )
+_MANIFESTS = (".txt", ".csv")
+_NAMED = 5
+"""Files that a message lists."""
 FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4)"
 """What to try with a picture."""
 
@@ -56,6 +58,10 @@ class Input:
         The gesture, for examples and labelled archives.
     code, fault, remedy : str
         Why it cannot be read, where that is already known, and what helps.
+    stamp : str
+        From `files.stamp`, when a run began; empty where the file could not be looked at.
+    sha256 : str
+        Content hash of an example, at that time; empty where it could not be read.
     """
 
     path: Path
@@ -67,6 +73,8 @@ class Input:
     code: str = ""
     fault: str = ""
     remedy: str = ""
+    stamp: str = ""
+    sha256: str = ""
 
     @property
     def key(self) -> bytes:
@@ -77,6 +85,11 @@ class Input:
     def place(self) -> bytes:
         """The exact bytes of the absolute path."""
         return os.fsencode(os.path.normpath(self.path.absolute()))
+
+    def error(self) -> InputError:
+        """Why it is broken, as an error."""
+        remedy = self.remedy or "repairing it"
+        return InputError(self.fault, subject=self.name, remedy=remedy, code=self.code or None)
 
 
 def discover(
@@ -104,7 +117,8 @@ def discover(
     -------
     list of Input
         Each once, sorted by name within a folder. Names that begin with a dot, and the journals of
-        runs, are passed over.
+        runs, are passed over. A pattern that matches nothing is ``broken`` where another source holds
+        anything.
 
     Warns
     -----
@@ -114,7 +128,8 @@ def discover(
     Raises
     ------
     InputError
-        Where a source or a path in a manifest does not exist, or is listed with two labels.
+        Where a source or a path in a manifest does not exist, no pattern matches anything, or a path is
+        listed with two labels.
     """
     if assistant is None:
         settings = settings or Settings()
@@ -140,9 +155,31 @@ def discover(
                     remedy="one line for it in the manifest",
                     code="E_CONTRADICTION",
                 )
+    if found and all(item.code == "E_NOT_FOUND" for item in found.values()):
+        raise _not_found(next(iter(found.values())).path)
     if empty and found:
         warnings.warn(f"holds nothing to read: {', '.join(empty)}", stacklevel=2)
     return list(found.values())
+
+
+def discover_readable(
+    sources: Sequence[str | os.PathLike[str]], *, avoid: Path | None = None, settings: Settings | None = None
+) -> list[Input]:
+    """As `discover`, without what nobody reads, of which a UserWarning tells; an InputError for nothing."""
+    every = discover(sources, avoid=avoid, settings=settings)
+    found = [item for item in every if item.kind != "other"]
+    if not found:
+        raise InputError(
+            "holds no video or keypoint file",
+            subject=", ".join(map(str, sources)),
+            remedy="another path",
+            code="E_EMPTY",
+        )
+    if others := [item.name for item in every if item.kind == "other"]:
+        shown = ", ".join(others[:_NAMED]) + (", …" if others[_NAMED:] else "")
+        count = f"{len(others)} file{'s' if others[1:] else ''}"
+        warnings.warn(f"left out as neither video nor keypoints: {count}, {shown}", stacklevel=3)
+    return found
 
 
 class _Walk:
@@ -157,7 +194,12 @@ class _Walk:
 
     def source(self, path: Path) -> Iterator[Input]:
         """Inputs of something that the user named: a path, a glob or a manifest."""
-        if path.is_file() and (entries := read_manifest(path)) is not None:
+        entries = None
+        if path.suffix.lower() in _MANIFESTS and path.is_file():
+            from gesture_core.run.manifests import read_manifest
+
+            entries = read_manifest(path)
+        if entries is not None:
             for entry, label in entries:
                 if not _exists(entry):
                     raise _not_found(
@@ -171,9 +213,11 @@ class _Walk:
             yield from self.path(path)
         else:
             text = os.fspath(path)
-            matches = sorted(glob.glob(text, recursive=True)) if glob.has_magic(text) else []  # noqa: PTH207
-            if not matches:
+            if not glob.has_magic(text):
                 raise _not_found(path)
+            matches = sorted(glob.glob(text, recursive=True))  # noqa: PTH207
+            if not matches:  # of several patterns, as a set of cameras has them, one may match nothing
+                yield _broken(path, "E_NOT_FOUND", "nothing matches", "another pattern")
             for match in matches:
                 yield from self.path(Path(match))
 
@@ -196,6 +240,9 @@ class _Walk:
     def _folder(self, folder: Path) -> Iterator[Input | Path]:
         """What is directly in a folder: inputs, and folders to go into."""
         try:
+            if fault := made_up(folder.stat()):
+                yield _broken(folder, "E_READ", *fault)
+                return
             identity = _identity(folder)
             if identity == self._avoid or identity in self._been:
                 self.passed += 1
@@ -221,15 +268,13 @@ class _Walk:
             if entry in folders:
                 yield entry
             else:
-                for item in self._file(entry):
-                    if item.kind != "other":
-                        yield item
-                    elif fault:  # it may have been a folder of keypoint files; nobody can say
+                for item in self._file(entry, say_why=not (reader or fault)):
+                    if item.kind == "other" and fault:  # its folder may have been one of keypoint files
                         yield replace(item, kind="broken", code=fault[0], fault=f"of its folder, {fault[1]}")
-                    elif not reader:  # in a folder of keypoint files it belongs to that folder
+                    elif item.kind != "other" or not reader:  # it belongs to its folder of keypoint files
                         yield item
 
-    def _file(self, path: Path) -> Iterator[Input]:
+    def _file(self, path: Path, *, say_why: bool = True) -> Iterator[Input]:
         name = printable(os.fspath(path))
         if fault := unreadable(path):
             yield _broken(path, "E_READ", *fault)
@@ -244,7 +289,7 @@ class _Walk:
             elif self._may_be_video(path) and begins_as_video(path):
                 yield Input(path, name, "video")
             else:
-                yield Input(path, name, "other", fault=self._readers.why_not(path))
+                yield Input(path, name, "other", fault=self._readers.why_not(path) if say_why else "")
 
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""

@@ -14,7 +14,8 @@ from gesture_core.files import printable
 from gesture_core.run.inputs import Input
 from gesture_core.run.results import DATABASE
 
-_LEVEL = re.compile(r"folder(?::(-?\d+))?")
+LEVEL = re.compile(r"folder(?::(-?\d+))?")
+"""``folder``, or ``folder:`` and a level."""
 # Folders that are parts of a data set.
 _PARTS = frozenset(
     "train training trn val valid validation dev eval evaluation test testing tst holdout".split()
@@ -31,20 +32,15 @@ _SHOWN = 4
 Folders = tuple[str, ...]
 
 
-def takes_folders(labels: str) -> bool:
-    """Whether ``labels`` is ``folder``, or ``folder:`` and a level."""
-    return _LEVEL.fullmatch(labels) is not None
-
-
 class FolderLabels:
     """The label of an input, by a folder that it lies in.
 
     Parameters
     ----------
-    labels : str
-        ``folder``: the first folder below the root, or where the roots themselves are folders of clips side
-        by side, as a pattern such as ``examples/*`` gives them, the root. ``folder:N`` is the N-th folder
-        below the root, from 0; ``folder:-1`` the one that holds the clip, ``folder:-2`` the one above.
+    level : int or None
+        None for the first folder below the root, or where the roots themselves are folders of clips side by
+        side, as a pattern such as ``examples/*`` gives them, the root. N for the N-th folder below the root,
+        from 0; -1 for the one that holds the clip, -2 for the one above.
     items : sequence of Input
     roots : sequence of path
         The sources that the items were found in.
@@ -52,12 +48,13 @@ class FolderLabels:
     Raises
     ------
     ConfigError
-        ``E_LABELS`` for ``folder`` where another level looks like the label.
+        ``E_LABELS`` for no level where another one than the first looks like the label.
     """
 
-    def __init__(self, labels: str, items: Sequence[Input], roots: Sequence[str | os.PathLike[str]]) -> None:
-        match = _LEVEL.fullmatch(labels)
-        self._level = int(match[1]) if match and match[1] else None
+    def __init__(
+        self, level: int | None, items: Sequence[Input], roots: Sequence[str | os.PathLike[str]]
+    ) -> None:
+        self._level = level
         self._roots = _folders(roots)
         self._are_roots = self._level is None and _are_labels(items, self._roots)
         if self._are_roots:
@@ -69,38 +66,31 @@ class FolderLabels:
         if self._level is not None and self._level < 0:
             above = item.path.absolute().parts[:-1]
             return printable(above[self._level]) if len(above) > -self._level else None
-        root = _root_of(item, self._roots)
+        root, below = _place(item, self._roots)
         if root is None:
             return None
-        below = self._below(item, root)
         if self._are_roots:
             return printable(root.name)
         level = self._level or 0
         return printable(below[level]) if len(below) > level else None
 
-    def fault(self, item: Input) -> str:
-        """Why ``item`` has no label."""
-        root = _root_of(item, self._roots)
+    def refusal(self, item: Input) -> tuple[str, str]:
+        """Why ``item`` has no label, and what helps."""
+        root, below = _place(item, self._roots)
         if root is None:
-            return "no folder was named that it lies in"
-        return f"it lies in no folder below {printable(root)}" + (
-            f" with number {self._level}" if self._level else ""
-        )
-
-    def remedy(self, item: Input) -> str:
-        """What helps against that."""
+            fault = "no folder was named that it lies in"
+        else:
+            fault = f"it lies in no folder below {printable(root)}"
+            fault += f" with number {self._level}" if self._level else ""
         if item.kind == "keypoints" and item.path.is_dir():
-            return f"a folder for each clip, such as {item.name}/1/*_keypoints.json"
-        root = _root_of(item, self._roots)
-        if root is not None and item.path.parent == root:
-            parent = printable(root.parent)
-            return (
-                f"the folder above, {parent}, if {printable(root.name)} is the label, or --labels folder:-1"
-            )
-        return "--labels folder:-1 for the folder that holds each clip, a table, or a regular expression"
-
-    def _below(self, item: Input, root: Path) -> Folders:
-        return item.path.relative_to(root).parts[:-1]
+            return fault, f"a folder for each clip, such as {item.name}/1/*_keypoints.json"
+        if root is not None and not below:
+            name, parent = printable(root.name), printable(root.parent)
+            return fault, f"the folder above, {parent}, if {name} is the label, or --labels folder:-1"
+        return (
+            fault,
+            "--labels folder:-1 for the folder that holds each clip, a table, or a regular expression",
+        )
 
     def _check_roots(self) -> None:
         """Refuse sources side by side that are parts of a data set, or people."""
@@ -116,8 +106,7 @@ class FolderLabels:
 
     def _check(self, items: Sequence[Input]) -> None:
         """Refuse labels that are parts of a data set, or people who perform."""
-        tree = [self._below(item, root) for item in items if (root := _root_of(item, self._roots))]
-        tree = [folders for folders in tree if folders]
+        tree = [below for item in items if (below := _place(item, self._roots)[1])]
         if not tree:
             return
         top = {folders[0] for folders in tree}
@@ -181,9 +170,12 @@ def _are_labels(items: Sequence[Input], roots: Sequence[Path]) -> bool:
     return bool(clips) and all(item.path.parent in roots for item in clips)
 
 
-def _root_of(item: Input, roots: Sequence[Path]) -> Path | None:
-    inside = (root for root in roots if item.path.is_relative_to(root) and item.path != root)
-    return next(inside, None)
+def _place(item: Input, roots: Sequence[Path]) -> tuple[Path | None, Folders]:
+    """The root that an input lies in, and the folders between."""
+    for root in roots:
+        if item.path != root and item.path.is_relative_to(root):
+            return root, item.path.relative_to(root).parts[:-1]
+    return None, ()
 
 
 def _are_parts(names: Iterable[str]) -> bool:

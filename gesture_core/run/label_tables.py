@@ -15,8 +15,6 @@ from gesture_core.files import printable
 from gesture_core.run.inputs import Input
 from gesture_core.run.manifests import place, read_labels
 
-SUFFIXES = (".csv", ".tsv", ".txt")
-"""What the name of a table ends in."""
 _DRIVE = re.compile(r"[A-Za-z]:[\\/]")
 
 Parts = tuple[str, ...]
@@ -47,20 +45,20 @@ class LabelTable:
     def __init__(self, path: Path, columns: str, items: Sequence[Input]) -> None:
         self._path = path
         self._folder = path.parent
-        table = read_labels(path, columns)
+        entries, header = read_labels(path, columns)
         self._exact: dict[str, str] = {}
         self._ends: dict[Parts, set[str]] = {}
         self._loose: dict[Parts, set[str]] = {}
         self._written: dict[str, str] = {}
-        for text, label in table.entries:
+        for text, label in entries:
             self._add(text, label)
-        if not any(label for _, label in table.entries):
+        if not any(label for _, label in entries):
             raise ConfigError(
                 "has no label in any line", subject=str(path), remedy="path,label", code="E_LABELS"
             )
         self._labels = {item.key: self._find(item) for item in items}
-        if not table.header and not any(self._labels.values()):
-            first = ",".join(table.entries[0])
+        if not header and not any(self._labels.values()):
+            first = ",".join(entries[0])
             raise ConfigError(
                 f"has no header, and no line about any input: its first line is {printable(first)[:200]!r}",
                 subject=str(path),
@@ -79,19 +77,16 @@ class LabelTable:
         found = self._labels.get(item.key)
         return found[0] if found else None
 
-    def fault(self, item: Input) -> str:
-        """Why ``item`` has no label."""
+    def refusal(self, item: Input) -> tuple[str, str]:
+        """Why ``item`` has no label, and what helps."""
+        remedy = "a line for it, its path as seen from the folder of the table"
         name = _spelling(item.path)
         if name in self._exact:
-            return "its line there has no label"
+            return "its line there has no label", remedy
         folder = _spelling(self._folder / "x")[:-2]
         listed = [os.path.relpath(path, folder) for path in self._exact]
         near = difflib.get_close_matches(os.path.relpath(name, folder), listed, 1, 0.8)
-        return "it has no line for it" + (f", {printable(near[0])!r} is near" if near else "")
-
-    def remedy(self, item: Input) -> str:
-        """What helps against that."""
-        return "a line for it, its path as seen from the folder of the table"
+        return "it has no line for it" + (f", {printable(near[0])!r} is near" if near else ""), remedy
 
     def _add(self, text: str, label: str) -> None:
         entry = place(self._folder, text)

@@ -5,20 +5,32 @@ from __future__ import annotations
 import os
 import re
 import unicodedata
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 from gesture_core.errors import ConfigError
 from gesture_core.files import printable
 from gesture_core.run.inputs import Input
-from gesture_core.run.label_folders import FolderLabels, takes_folders
-from gesture_core.run.label_tables import SUFFIXES, LabelTable
+from gesture_core.run.label_folders import LEVEL, FolderLabels
 
+TABLES = (".csv", ".tsv", ".txt")
+"""What the name of a table ends in."""
 _REMEDY = (
     "examples/<label>/<clip>, a CSV file with path and label, or a regular expression "
     "(one with a / is searched in the whole path)"
 )
+
+
+class Labels(Protocol):
+    """Where labels come from: folders, a table, or names."""
+
+    def __call__(self, item: Input) -> str | None:
+        """The label of an input, if it has any."""
+
+    def refusal(self, item: Input) -> tuple[str, str]:
+        """Why an input has none, and what helps."""
 
 
 def label_inputs(
@@ -45,15 +57,13 @@ def label_inputs(
         label from a manifest is kept. What is broken or nobody's may do without one: it cannot be used in any
         case.
     """
-    find = _labeller(items, labels, roots, columns)
+    find = _source_of(items, labels, roots, columns)
     labelled = []
     for item in items:
         label = word(item.label or find(item) or "")
         if not label and item.kind not in ("broken", "other"):
-            fault, remedy = "", _REMEDY
-            if isinstance(find, FolderLabels | LabelTable):
-                fault, remedy = f": {find.fault(item)}", find.remedy(item)
-            cause = f"no label for {item.name} by {labels!r}{fault}"
+            fault, remedy = find.refusal(item)
+            cause = f"no label for {item.name} by {labels!r}" + (f": {fault}" if fault else "")
             raise ConfigError(cause, remedy=remedy, code="E_LABELS")
         labelled.append(replace(item, label=label or None))
     return labelled
@@ -75,17 +85,19 @@ def word(label: str) -> str:
     return printable(unicodedata.normalize("NFC", label.strip()))
 
 
-def _labeller(
+def _source_of(
     items: Sequence[Input], labels: str, roots: Sequence[str | os.PathLike[str]], columns: str
-) -> Callable[[Input], str | None]:
-    if labels.lower().endswith(".csv") or (labels.lower().endswith(SUFFIXES) and Path(labels).is_file()):
+) -> Labels:
+    if labels.lower().endswith(".csv") or (labels.lower().endswith(TABLES) and Path(labels).is_file()):
+        from gesture_core.run.label_tables import LabelTable
+
         return LabelTable(Path(labels), columns, items)
     if columns:
         raise ConfigError(
             f"--label-columns {columns!r} without a table", remedy="--labels TABLE.csv", code="E_OPTION"
         )
-    if takes_folders(labels):
-        return FolderLabels(labels, items, roots)
+    if level := LEVEL.fullmatch(labels):
+        return FolderLabels(int(level[1]) if level[1] else None, items, roots)
     try:
         pattern = re.compile(labels)
     except re.error as error:
@@ -96,21 +108,31 @@ def _labeller(
             remedy="folder, a CSV file, or an expression such as '^(?P<label>[a-z]+)_'",
             code="E_LABELS",
         )
+    return NameLabels(pattern)
 
-    def search(item: Input) -> str | None:
-        match = search_name(pattern, item)
+
+@dataclass(frozen=True)
+class NameLabels:
+    """Labels in the names of files, where a regular expression finds them."""
+
+    pattern: re.Pattern[str]
+
+    def __call__(self, item: Input) -> str | None:
+        match = search_name(self.pattern, item)
         if match is None:
             return None
         label: str | None = match.groupdict().get("label") or match.group(1)
         if label and halves_a_word(match, "label"):
             raise ConfigError(
-                f"labels {labels!r} finds {label!r} inside a word of {item.name}",
+                f"labels {self.pattern.pattern!r} finds {label!r} inside a word of {item.name}",
                 remedy="an expression for letters with accents too, such as '^(?P<label>.+?)_'",
                 code="E_LABELS",
             )
         return label
 
-    return search
+    def refusal(self, item: Input) -> tuple[str, str]:
+        """Why an input has no label, and what helps."""
+        return "", _REMEDY
 
 
 def halves_a_word(match: re.Match[str], group: str) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from gesture_core.errors import ConfigError, InputError
@@ -24,24 +23,8 @@ _MORE_LABELS = frozenset(
 _MARKS = ",;\t|"
 
 
-@dataclass(frozen=True)
-class Table:
-    """A table of paths and labels.
-
-    Attributes
-    ----------
-    entries : list of (str, str)
-        Path as it is written, and label, empty where there is none.
-    header : bool
-        Whether a heading told which column is which.
-    """
-
-    entries: list[tuple[str, str]]
-    header: bool = True
-
-
 def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
-    """Paths and labels listed in ``path``; None where it is no manifest.
+    """Paths and labels listed in ``path``, a file called so; None where it is no manifest.
 
     A text manifest (``.txt``) has one path a line, a CSV manifest a column ``path`` and perhaps
     ``label``. Relative paths start at the manifest's folder; lines that begin with ``#`` are comments.
@@ -51,12 +34,9 @@ def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
     InputError
         Where it looks like one and cannot be read.
     """
-    suffix = path.suffix.lower()
-    if suffix not in (".txt", ".csv"):
-        return None
     subject = printable(os.fspath(path))
     try:
-        if suffix == ".txt":
+        if path.suffix.lower() == ".txt":
             lines = [line for line in _lines(path) if line.strip() and not line.startswith("#")]
             return [(place(path.parent, line), None) for line in lines]
         cells, mark = _headings(_lines(path))
@@ -81,7 +61,7 @@ def place(folder: Path, text: str) -> Path:
     return folder / text.replace("\\", "/") if "\\" in text and not os.path.lexists(found) else found
 
 
-def read_labels(path: Path, columns: str = "") -> Table:
+def read_labels(path: Path, columns: str = "") -> tuple[list[tuple[str, str]], bool]:
     """The paths and labels in a table of any separator.
 
     Parameters
@@ -90,6 +70,13 @@ def read_labels(path: Path, columns: str = "") -> Table:
     columns : str
         ``PATH,LABEL``: two headings, or two numbers of columns, from 1, in a table without a header.
         By default, headings that say so; a table of two columns may do without.
+
+    Returns
+    -------
+    entries : list of (str, str)
+        Path as it is written, and label, empty where there is none.
+    header : bool
+        Whether a heading told which column is which.
 
     Raises
     ------
@@ -110,7 +97,7 @@ def read_labels(path: Path, columns: str = "") -> Table:
     except (OSError, csv.Error) as error:
         cause = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read: {error}"
         raise ConfigError(cause, subject=str(path), remedy="check the path", code="E_LABELS") from None
-    return Table([(text.strip(), label) for text, label in entries if text.strip()], header)
+    return [(text.strip(), label) for text, label in entries if text.strip()], header
 
 
 def _columns(path: Path, cells: Sequence[str], columns: str) -> tuple[tuple[int, int], bool]:

@@ -18,12 +18,15 @@ from typing import Any
 
 from gesture_core.classify.examples import sided_labels
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
-from gesture_core.files import without_cache
+from gesture_core.files import switched_on
+from gesture_core.pose.models import described
 from gesture_core.records import Job, Row
-from gesture_core.run.extract import OpenEngine
+from gesture_core.run.extract import Listener, OpenEngine
 from gesture_core.run.inputs import Input
+from gesture_core.run.label_folders import label_folders
+from gesture_core.run.labels import word
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
-from gesture_core.run.results import Committed, Results, open_results, run_folder
+from gesture_core.run.results import Results, open_results, run_folder
 from gesture_core.run.rows import contradicting_row, rows_of, unread_row
 from gesture_core.run.store import keypoint_store, prune
 from gesture_core.run.workers.engines import Assistant
@@ -37,31 +40,6 @@ _TOGETHER = 16
 """Inputs that are decided in one call: where it ends its process, each is decided alone."""
 _LONG = 4.0
 """Times the longest example from which on an input may hold several gestures."""
-
-
-class Listener:
-    """Told about a run as it goes on; override what is of interest."""
-
-    def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
-        """The work is known: all inputs, those that still wait, the examples, the kernel."""
-
-    def stage(self, name: str) -> None:
-        """What is done from now on: ``keypoints``, ``fitting``, ``comparing`` or ``writing``."""
-
-    def network(self, text: str) -> None:
-        """What finds people in videos, and where, in words."""
-
-    def frames(self, name: str, count: int) -> None:
-        """``count`` further frames of an input are done."""
-
-    def extracted(self, name: str, cached: bool) -> None:
-        """The keypoints of an input or example are there, or it has failed."""
-
-    def example_failed(self, row: Row) -> None:
-        """An example cannot be used."""
-
-    def row(self, row: Row) -> None:
-        """A row has been committed."""
 
 
 @dataclass(frozen=True)
@@ -154,20 +132,22 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     ):
         plan = make_plan(request, results, assistant)
         listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
-        if plan.network:
-            listener.network(plan.network)
+        if "video" in plan.identity:
+            listener.network(described(plan.settings))
         run = _Run(request, plan, results, assistant, listener)
         if plan.waiting:
             run.work()
             if plan.files:
                 plan.files.sweep()  # of what has turned out to be unreadable
-            if run.added:
+            if run.frames:
                 prune(keypoint_store(), request.settings.limits.cache)
         failed = tuple(results.rows("example"))
         names = {row.input for row in failed}
         labels = [item.label for item in plan.examples if item.name not in names]
         classes = Counter(str(label) for label in labels if label)
-        lost = ({item.label for item in plan.examples if item.label} | plan.announced) - classes.keys()
+        named = {item.label for item in plan.examples if item.label}
+        if request.labels == "folder":  # a folder stands for a label, whatever is in it
+            named |= set(map(word, label_folders(plan.examples, request.examples, request.out)))
         return RunSummary(
             request.out,
             results.counts(),
@@ -177,12 +157,12 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             frames=run.frames,
             kernel=plan.kernel,
             fingerprint=plan.fingerprint,
-            lost_classes=tuple(sorted(lost)),
+            lost_classes=tuple(sorted(named - classes.keys())),
             assumed=dict(run.assumed),
             notes=dict(run.notes),
             classes=dict(sorted(classes.items())),
             sided=tuple(sided_labels(classes)) if plan.settings.classify.mirror is not None else (),
-            inputs_among_examples=results.copies(set(plan.hashes.values()) - {""}),
+            inputs_among_examples=results.copies({item.sha256 for item in plan.examples} - {""}),
             gone=plan.gone,
         )
 
@@ -195,10 +175,10 @@ class _Run:
     assistant: Assistant
     listener: Listener
     frames: int = 0
-    added: bool = False
     assumed: Counter[str] = field(default_factory=Counter)
-    _longest: float = 0.0
     notes: Counter[str] = field(default_factory=Counter)
+    _longest: float = 0.0
+    _warned: bool = False
 
     def work(self) -> None:
         """Extract, compare, commit, until nothing waits."""
@@ -214,13 +194,14 @@ class _Run:
             for item in plan.examples
             if item.kind in ("video", "keypoints") and item.key not in plan.contradictions
         ]
+        self._look_ahead(readable, examples)
         with OpenEngine(
             plan.settings,
             plan.identity,
             most=max(len(readable), len(examples)),
             workers=self.request.workers,
             engine=self.request.engine,
-            on_frames=self.listener.frames,
+            listener=self.listener,
         ) as engine:
             if plan.examples and not self._is_fitted():
                 taken = {item.key: found for item, found in self._extract(engine, examples)}
@@ -230,7 +211,7 @@ class _Run:
             last = time.monotonic()
             self.listener.stage("keypoints")
             for item, found in self._extract(engine, readable):
-                self._warn_of_length(item, found)
+                self._warn_of_length(item, found.seconds, self._longest)
                 arrived.append((item, found))
                 if len(arrived) >= _BATCH or time.monotonic() - last > _SECONDS_BETWEEN_BATCHES:
                     self._decide(arrived)
@@ -243,9 +224,9 @@ class _Run:
 
     def _is_fitted(self) -> bool:
         """Whether an earlier run in this folder has fitted these examples, all of which could be used."""
-        if without_cache() or self.request.spot:
+        if switched_on("GESTURE_NO_CACHE") or self.request.spot:
             return False
-        asked = {**self._place, "examples": len(self.plan.examples)}
+        asked = {**self._place, "names": [item.name for item in self.plan.examples]}
         if not self.assistant.ask("open_fitted", asked, keep=True):
             return False
         for item in self.plan.examples:
@@ -257,22 +238,38 @@ class _Run:
         """Where what is fitted lies, and what it belongs to."""
         return {"run": encoded(self.request.out), "fingerprint": self.plan.fingerprint}
 
-    def _warn_of_length(self, item: Input, found: Extracted) -> None:
+    def _look_ahead(self, inputs: Sequence[Input], examples: Sequence[Input]) -> None:
+        """Say before hours of extraction that a video is much longer than the examples."""
+        one, other = _largest_video(inputs), _largest_video(examples)
+        if self.request.spot or not one or not other:
+            return
+        (size, item), (own, example) = one, other
+        if size < own * _LONG:
+            return
+        try:
+            lengths = [
+                self.assistant.ask("lasts", {"path": encoded(one.path)}, retry=False)
+                for one in (item, example)
+            ]
+        except GestureError:  # what is wrong with it stands in its row
+            return
+        if None not in lengths:
+            self._warn_of_length(item, *lengths)
+
+    def _warn_of_length(self, item: Input, seconds: float, longest: float) -> None:
         """Say of the first input that is much longer than the examples what is for such inputs."""
-        if self.request.spot or not 0 < self._longest * _LONG < found.seconds:
+        if self.request.spot or self._warned or not 0 < longest * _LONG < seconds:
             return
         warnings.warn(
-            f"{item.name} lasts {found.seconds:.0f} s, the longest example {self._longest:.1f} s: such "
+            f"{item.name} lasts {seconds:.0f} s, the longest example {longest:.1f} s: such "
             "inputs get one label here; gesture spot finds every gesture in them, with its start and end",
             stacklevel=2,
         )
-        self._longest = 0.0
+        self._warned = True
 
     def _extract(self, engine: OpenEngine, items: Sequence[Input]) -> Iterator[tuple[Input, Extracted]]:
         for item, found in engine.extract(items):
-            self.listener.extracted(item.name, found.cached)
             self.frames += 0 if found.cached else found.frames_read
-            self.added |= bool(found.stored) and not found.cached
             self.assumed.update([found.assumed] if found.assumed else [])
             self.notes.update(_TIMES.sub("", note) for note in found.notes if found.complete)
             yield item, found
@@ -284,11 +281,11 @@ class _Run:
         for item in self.plan.examples:
             row = self._example(item, found.get(item.key))
             if row is None:
-                content = (str(item.label), self.plan.hashes[item.key], item.member)
+                content = (str(item.label), item.sha256, item.member)
                 usable.append("\0".join(content).encode("utf-8", "surrogatepass"))
                 continue
             failed.append(row)
-            self.results.commit(Committed(item.key, item.place, ""), [row], role="example")
+            self.results.commit(replace(item, stamp=""), [row], role="example")
             self.listener.example_failed(row)
         if not usable:
             remedy, code = "" if "; try: " in failed[0].message else "better clips", Code.of(failed[0].code)
@@ -319,10 +316,10 @@ class _Run:
         """Take an example; or the row that says why it cannot be used."""
         mark = self.plan.fingerprint
         if other := self.plan.contradictions.get(item.key):
-            return contradicting_row(item, other, self.plan.hashes[item.key], mark)
+            return contradicting_row(item, other, mark)
         if found is None:
             return unread_row(item, mark)
-        if found.sha256 not in ("", self.plan.hashes[item.key]):
+        if found.sha256 not in ("", item.sha256):
             changed = Extracted(code="E_CHANGED", message="has changed since the run began; try: again")
             return rows_of(item, changed, None, mark)[0]
         if found.code or not found.people:
@@ -381,6 +378,14 @@ class _Run:
 
     def _commit(self, item: Input, rows: Sequence[Row], stamp: str = "") -> None:
         """Commit the rows of an input, with its stamp as it was read, or as it was when the run began."""
-        self.results.commit(Committed(item.key, item.place, stamp or self.plan.stamps[item.key]), rows)
+        self.results.commit(replace(item, stamp=stamp or item.stamp), rows)
         for row in rows:
             self.listener.row(row)
+
+
+def _largest_video(items: Sequence[Input]) -> tuple[int, Input] | None:
+    """The largest file among the videos, and its size."""
+    found = [
+        (item.path.stat().st_size, item) for item in items if item.kind == "video" and item.path.exists()
+    ]
+    return max(found, key=lambda pair: pair[0], default=None)

@@ -5,19 +5,25 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.files import content_sha256, stamp, without_cache
+from gesture_core.files import content_sha256, stamp, switched_on
 from gesture_core.plugin import registry
-from gesture_core.pose.choice import choose_pose, described
+from gesture_core.pose.models import choose_pose
 from gesture_core.run.extract import OpenEngine
-from gesture_core.run.fingerprint import differences, fingerprint, pose_identity, run_configuration
+from gesture_core.run.fingerprint import (
+    differences,
+    fingerprint,
+    pose_identity,
+    run_configuration,
+    with_parts_of,
+)
 from gesture_core.run.inputs import COMPANIONS, FRAMES, PICTURE_SUFFIXES, Input, discover
-from gesture_core.run.label_folders import label_folders
-from gesture_core.run.labels import label_inputs, word
+from gesture_core.run.labels import label_inputs
 from gesture_core.run.results import Results
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
@@ -79,50 +85,33 @@ class Plan:
     inputs, examples : list of Input
     waiting : list of Input
         Inputs that have no row for their content yet.
-    stamps : dict
-        Stamp of each input and example by its key; empty where it cannot be looked at.
-    hashes : dict
-        Content hash of each example by its key; empty for those that cannot be read.
     identity : mapping
         From `fingerprint.pose_identity`.
-    configuration : mapping
-        From `fingerprint.run_configuration`.
+    fingerprint : str
+        Of everything that decides a row, but for the input.
     contradictions : dict
         An example of another label with the same content, by the key of each example that has one: either
         label may be the wrong one, so neither can be used.
     files : KeypointFiles or None
         Where an extraction leaves its keypoints.
-    announced : frozenset of str
-        Labels that the folders of the examples stand for, whatever is in them.
     gone : int
         Inputs of earlier runs whose rows were removed, as they are not there any more.
-    network : str
-        What finds people, in words; empty where there is no video.
     """
 
     settings: Settings
     inputs: list[Input]
     examples: list[Input]
     waiting: list[Input]
-    stamps: dict[bytes, str]
-    hashes: dict[bytes, str]
     identity: Mapping[str, Any]
-    configuration: Mapping[str, Any]
+    fingerprint: str
     contradictions: dict[bytes, Input]
     files: KeypointFiles | None
-    announced: frozenset[str] = frozenset()
     gone: int = 0
-    network: str = ""
 
     @property
     def kernel(self) -> str:
         """The distance kernel; empty where keypoints are only extracted."""
         return self.settings.classify.kernel
-
-    @property
-    def fingerprint(self) -> str:
-        """Of everything that decides a row, but for the input."""
-        return fingerprint(self.configuration)
 
 
 def check_out(request: RunRequest) -> None:
@@ -148,30 +137,27 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     """
     settings = request.settings
     registry().find("engine", request.engine)
-    inputs = discover(request.sources, avoid=request.out, assistant=assistant)
-    if not inputs:
+    found = discover(request.sources, avoid=request.out, assistant=assistant)
+    if not found:
         raise InputError(
             "holds no input", subject=", ".join(request.sources), remedy="another path", code="E_EMPTY"
         )
+    inputs = [_stamped(item) for item in found]
     examples = _examples(request, assistant)
     kernel = ""
     if examples:
         _check_enough(settings, [item for item in examples if item.kind != "other"])
         kernel = assistant.ask("open_classifier", keep=True)
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
-    videos = any(item.kind == "video" for item in (*inputs, *examples))
-    settings = choose_pose(settings, needed=videos)
-    identity = pose_identity(settings, with_model=videos)
-    stamps = {item.key: _stamp(item) for item in (*inputs, *examples)}
-    hashes = {
-        item.key: _sha256(results, item, stamps[item.key]) if item.kind != "other" else ""
-        for item in examples
-    }
-    configuration = run_configuration(
-        settings, identity, [(e, hashes[e.key]) for e in examples], kernel, request.spot
-    )
-    changed = _changes(results, configuration, overwrite=request.overwrite)
-    again = changed or request.overwrite or without_cache()
+    examples = [_hashed(_stamped(item), results) for item in examples]
+    every = [*inputs, *examples]
+    videos = any(item.kind == "video" for item in every)
+    if videos:
+        settings = choose_pose(settings)
+    identity = pose_identity(settings, every)
+    configuration = run_configuration(settings, identity, examples, kernel, request.spot)
+    configuration, changed = _compared(results, configuration, overwrite=request.overwrite)
+    again = changed or request.overwrite or switched_on("GESTURE_NO_CACHE")
     done = {} if again else results.done(retry_errors=request.retry_errors)
     files = None
     if not examples:
@@ -180,19 +166,15 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         files = KeypointFiles(request.out, results, inputs, request.sources)
     lacking = files.lacking() if files else set()
     waiting = [
-        item
-        for item in inputs
-        if item.key in lacking
-        or item.key not in done
-        or not stamps[item.key]
-        or results.sha256(item.key, stamps[item.key]) != done[item.key]
+        item for item in inputs if item.key in lacking or not item.stamp or done.get(item.key) != item.stamp
     ]
     if waiting and any(item.kind == "video" for item in (*waiting, *examples)):
         with OpenEngine(settings, identity, most=1, engine=request.engine) as engine:
-            engine.require_model(identity)
+            engine.require_model()
     if changed or request.overwrite:
         results.clear()
-    results.set({"configuration": configuration, "fingerprint": fingerprint(configuration)})
+    mark = fingerprint(configuration)
+    results.set({"configuration": configuration, "fingerprint": mark})
     gone = _gone(results, inputs)
     results.forget(gone)
     if files:
@@ -202,19 +184,11 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         inputs=inputs,
         examples=examples,
         waiting=waiting,
-        stamps=stamps,
-        hashes=hashes,
         identity=identity,
-        configuration=configuration,
-        contradictions=_contradictions(examples, hashes),
+        fingerprint=mark,
+        contradictions=_contradictions(examples),
         files=files,
-        announced=frozenset(
-            map(word, label_folders(examples, request.examples, request.out))
-            if request.labels == "folder"
-            else ()
-        ),
         gone=len(gone),
-        network=described(settings) if videos else "",
     )
 
 
@@ -255,33 +229,40 @@ def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:
         )
 
 
-def _stamp(item: Input) -> str:
-    """The file's stamp; empty where it cannot be looked at, which never counts as known."""
-    try:
-        return stamp(item.path)
-    except OSError:
-        return ""
+def _stamped(item: Input) -> Input:
+    """With the file's stamp; without one, where it cannot be looked at, it never counts as known."""
+    with suppress(OSError):
+        return replace(item, stamp=stamp(item.path))
+    return item
 
 
-def _sha256(results: Results, item: Input, now: str) -> str:
-    """Content hash of an example, computed only where the file has been written since last time."""
-    known = results.sha256(item.key, now) if now else ""
-    if known:
-        return known
-    try:
-        known = content_sha256(item.path)
-    except OSError:
-        return ""
-    results.remember(item.key, now, known)
-    return known
+def _hashed(item: Input, results: Results) -> Input:
+    """An example with its content hash, computed only where the file has been written since last time."""
+    if item.kind == "other":
+        return item
+    known = results.sha256(item) if item.stamp else None
+    with suppress(OSError):
+        if not known:
+            known = content_sha256(item.path)
+            results.remember(item, known)
+    return replace(item, sha256=known or "")
 
 
-def _changes(results: Results, configuration: Mapping[str, Any], *, overwrite: bool) -> bool:
-    """Whether the folder's rows were made with other settings; an error unless that is wanted."""
-    before = results.get("configuration")
-    changed = differences(json.loads(before), configuration) if before else []
-    if not changed or not results.places():
-        return bool(changed)
+def _compared(
+    results: Results, configuration: dict[str, Any], *, overwrite: bool
+) -> tuple[dict[str, Any], bool]:
+    """The configuration, with what the folder's rows need as well, and whether these were made with another
+    one: an error unless that is wanted.
+    """
+    before = json.loads(results.get("configuration") or "{}")
+    if not before:
+        return configuration, False
+    together = with_parts_of(before, configuration)
+    changed = differences(with_parts_of(configuration, before), together)
+    if not changed:
+        return together, False
+    if not results.places():
+        return configuration, True
     if not overwrite:
         lines = "\n  ".join(changed[:20]) + (f"\n  … and {len(changed) - 20} more" if changed[20:] else "")
         raise ConfigError(
@@ -291,7 +272,7 @@ def _changes(results: Results, configuration: Mapping[str, Any], *, overwrite: b
             remedy=f"--overwrite to begin again (keypoints are reused), or another --out\n  {lines}",
             code="E_CONFIG_CHANGED",
         )
-    return True
+    return configuration, True
 
 
 def _gone(results: Results, inputs: Sequence[Input]) -> list[bytes]:
@@ -305,11 +286,11 @@ def _gone(results: Results, inputs: Sequence[Input]) -> list[bytes]:
     ]
 
 
-def _contradictions(examples: Sequence[Input], hashes: Mapping[bytes, str]) -> dict[bytes, Input]:
+def _contradictions(examples: Sequence[Input]) -> dict[bytes, Input]:
     alike: dict[tuple[str, str], list[Input]] = {}
     for item in examples:
-        if hashes[item.key]:
-            alike.setdefault((hashes[item.key], item.member), []).append(item)
+        if item.sha256:
+            alike.setdefault((item.sha256, item.member), []).append(item)
     return {
         item.key: other
         for group in alike.values()

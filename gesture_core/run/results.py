@@ -11,13 +11,15 @@ import os
 import sqlite3
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import ConfigError, RunFolderError
 from gesture_core.records import COLUMNS, Row
+
+if TYPE_CHECKING:
+    from gesture_core.run.inputs import Input
 
 DATABASE, LOCK = "run.db", "run.lock"
 FITTED, DISTANCES = "run.fitted", "run.distances"
@@ -33,40 +35,17 @@ _ADDED: dict[str, Any] = {"note": "", "start": None, "end": None, "box": "", "fr
     "event": 0, "score": None,
 }  # fmt: skip
 """Columns that the first files of this format lack, with what stands in them."""
-_SCHEMA = f"""
-CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS content (
-  key BLOB PRIMARY KEY, stamp TEXT NOT NULL, sha256 TEXT NOT NULL
-);
-CREATE TABLE IF NOT EXISTS rows (
-  key BLOB NOT NULL, place BLOB NOT NULL, role TEXT NOT NULL,
-  {", ".join(f'"{name}" {_TYPES.get(name, "TEXT")}' for name in COLUMNS)},
-  PRIMARY KEY (role, key, person, event)
-);
-CREATE TABLE IF NOT EXISTS published (key BLOB PRIMARY KEY, file TEXT NOT NULL);
-"""
+_TABLES = {
+    "meta": "key TEXT PRIMARY KEY, value TEXT NOT NULL",
+    "content": "key BLOB PRIMARY KEY, stamp TEXT NOT NULL, sha256 TEXT NOT NULL",
+    "rows": "key BLOB NOT NULL, place BLOB NOT NULL, role TEXT NOT NULL, "
+    + ", ".join(f'"{name}" {_TYPES.get(name, "TEXT")}' for name in COLUMNS)
+    + ", PRIMARY KEY (role, key, person, event)",
+    "published": "key BLOB PRIMARY KEY, file TEXT NOT NULL",
+}
 
 _QUOTED = ", ".join(f"`{name}`" for name in COLUMNS)
 """The columns as SQL takes them: some are its words."""
-
-
-@dataclass(frozen=True)
-class Committed:
-    """What identifies an input and its content in the results.
-
-    Attributes
-    ----------
-    key : bytes
-        Of the input, from `inputs.Input`.
-    place : bytes
-        Its absolute path.
-    stamp : str
-        From `files.stamp`, of the file as it was read; empty where it could not be looked at.
-    """
-
-    key: bytes
-    place: bytes
-    stamp: str
 
 
 class Results:
@@ -127,18 +106,22 @@ class Results:
         db.row_factory = sqlite3.Row
         db.execute("PRAGMA journal_mode=WAL")
         db.execute("PRAGMA synchronous=FULL")
-        db.executescript(_SCHEMA)
-        db.execute("INSERT OR IGNORE INTO meta VALUES ('version', ?)", (str(_VERSION),))
-        known = {row["name"] for row in db.execute("PRAGMA table_info(rows)")}
-        for name in _ADDED.keys() - known:
-            db.execute(f'ALTER TABLE rows ADD COLUMN "{name}" {_TYPES.get(name, "TEXT")}')
-            db.execute(f'UPDATE rows SET "{name}" = ?', (_ADDED[name],))
-        if "event" not in known:  # its key has no place for several rows of one person
-            listed = f"key, place, role, {_QUOTED}"
-            db.executescript(
-                f"BEGIN; ALTER TABLE rows RENAME TO earlier; {_SCHEMA}"
-                f"INSERT INTO rows ({listed}) SELECT {listed} FROM earlier; DROP TABLE earlier; COMMIT;"
-            )
+        with _transaction(db):
+            for name, columns in _TABLES.items():
+                db.execute(f"CREATE TABLE IF NOT EXISTS {name} ({columns})")
+            db.execute("INSERT OR IGNORE INTO meta VALUES ('version', ?)", (str(_VERSION),))
+            known = {row["name"] for row in db.execute("PRAGMA table_info(rows)")}
+            if lacking := _ADDED.keys() - known:
+                there = "key, place, role, " + ", ".join(f"`{name}`" for name in COLUMNS if name in known)
+                added = ", ".join(f"`{name}`" for name in lacking)
+                db.execute("ALTER TABLE rows RENAME TO earlier")
+                db.execute(f"CREATE TABLE rows ({_TABLES['rows']})")
+                db.execute(
+                    f"INSERT INTO rows ({there}, {added}) "
+                    f"SELECT {there}, {', '.join('?' * len(lacking))} FROM earlier",
+                    [_ADDED[name] for name in lacking],
+                )
+                db.execute("DROP TABLE earlier")
         return db
 
     def __enter__(self) -> Results:
@@ -173,29 +156,27 @@ class Results:
 
     def set(self, facts: Mapping[str, Any]) -> None:
         """Record facts about the run: strings as they are, anything else as JSON."""
-        with self._transaction():
+        with _transaction(self._db):
             for key, value in facts.items():
                 text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
                 self._db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, text))
 
-    def sha256(self, key: bytes, stamp: str) -> str | None:
+    def sha256(self, item: Input) -> str | None:
         """The content hash of an input that has not been written since, None where it has."""
-        row = self._db.execute(
-            "SELECT sha256 FROM content WHERE key = ? AND stamp = ?", (key, stamp)
-        ).fetchone()
+        query = "SELECT sha256 FROM content WHERE key = ? AND stamp = ?"
+        row = self._db.execute(query, (item.key, item.stamp)).fetchone()
         return row["sha256"] if row else None
 
-    def remember(self, key: bytes, stamp: str, sha256: str) -> None:
+    def remember(self, item: Input, sha256: str) -> None:
         """Record the content hash of an input, so that it need not be read again."""
-        self._db.execute("INSERT OR REPLACE INTO content VALUES (?, ?, ?)", (key, stamp, sha256))
+        values = (item.key, item.stamp, sha256)
+        self._db.execute("INSERT OR REPLACE INTO content VALUES (?, ?, ?)", values)
 
-    def commit(self, item: Committed, rows: Sequence[Row], *, role: str = "query") -> None:
+    def commit(self, item: Input, rows: Sequence[Row], *, role: str = "query") -> None:
         """Replace the rows of one input, in one transaction with what identifies its content."""
-        with self._transaction():
+        with _transaction(self._db):
             self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, item.key))
-            self._db.execute(
-                "INSERT OR REPLACE INTO content VALUES (?, ?, ?)", (item.key, item.stamp, rows[0].sha256)
-            )
+            self.remember(item, rows[0].sha256)
             for row in rows:
                 record = row.as_record()
                 self._db.execute(
@@ -205,16 +186,25 @@ class Results:
                 )
 
     def done(self, *, retry_errors: bool = False) -> dict[bytes, str]:
-        """Keys and content hashes of inputs that need no more work."""
+        """Keys of inputs that need no more work while they have these stamps."""
         having = "HAVING SUM(status = 'error') = 0" if retry_errors else ""
-        query = f"SELECT key, sha256 FROM rows WHERE role = 'query' GROUP BY key {having}"
-        return {row["key"]: row["sha256"] for row in self._db.execute(query)}
+        query = (
+            "SELECT rows.key, stamp FROM rows JOIN content USING (key) "
+            f"WHERE role = 'query' AND rows.sha256 = content.sha256 GROUP BY rows.key {having}"
+        )
+        return {row["key"]: row["stamp"] for row in self._db.execute(query)}
 
     def rows(self, role: str = "query") -> Iterator[Row]:
         """All rows, ordered by input, person and event."""
         query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person, rowid"
         for record in self._db.execute(query, (role,)):
             yield Row.from_record(_ADDED | dict(record))
+
+    def keyed_rows(self) -> Iterator[tuple[bytes, Row]]:
+        """All rows of inputs, ordered as by `rows`, each with the key of its input."""
+        query = "SELECT * FROM rows WHERE role = 'query' ORDER BY input, key, person, rowid"
+        for record in self._db.execute(query):
+            yield record["key"], Row.from_record(_ADDED | dict(record))
 
     def place_of(self, name: str) -> Path | None:
         """The absolute path of the input called ``name``."""
@@ -229,7 +219,7 @@ class Results:
 
     def forget(self, keys: Sequence[bytes], *, role: str = "query") -> None:
         """Delete the rows of inputs."""
-        with self._transaction():
+        with _transaction(self._db):
             for key in keys:
                 self._db.execute("DELETE FROM rows WHERE role = ? AND key = ?", (role, key))
 
@@ -253,7 +243,7 @@ class Results:
 
     def retract(self, keys: Sequence[bytes]) -> None:
         """Record that the keypoint files of inputs are gone."""
-        with self._transaction():
+        with _transaction(self._db):
             self._db.executemany("DELETE FROM published WHERE key = ?", [(key,) for key in keys])
 
     def counts(self, role: str = "query") -> dict[str, int]:
@@ -263,19 +253,20 @@ class Results:
 
     def clear(self) -> None:
         """Forget all rows; content hashes stay."""
-        with self._transaction():
+        with _transaction(self._db):
             self._db.execute("DELETE FROM rows")
 
-    @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        """Committed where the block ends without an error, otherwise rolled back."""
-        self._db.execute("BEGIN IMMEDIATE")
-        try:
-            yield
-        except BaseException:
-            self._db.execute("ROLLBACK")
-            raise
-        self._db.execute("COMMIT")
+
+@contextmanager
+def _transaction(db: sqlite3.Connection) -> Iterator[None]:
+    """Committed where the block ends without an error, otherwise rolled back."""
+    db.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+    except BaseException:
+        db.execute("ROLLBACK")
+        raise
+    db.execute("COMMIT")
 
 
 def open_results(folder: str | os.PathLike[str]) -> Results:

@@ -12,6 +12,13 @@ from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input
 from gesture_core.run.workers.keypoints import Extracted
 
 _READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
+_NOBODY = (
+    "a camera that sees the whole person from the front, a lower limit (--set onnx.presence=0.2, or that of "
+    "another backend), or another --model"
+)
+_NOBODY_IN_FILE = (
+    "--set pose.score=none, or keypoints from another network: the file has no joint that counts"
+)
 _FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"
 
 
@@ -40,11 +47,11 @@ def unread_row(item: Input, fingerprint: str) -> Row:
     )
 
 
-def contradicting_row(item: Input, other: Input, sha256: str, fingerprint: str) -> Row:
+def contradicting_row(item: Input, other: Input, fingerprint: str) -> Row:
     """The row of an example that is as well an example of another label."""
     return Row(
         item.name,
-        sha256,
+        item.sha256,
         code="E_CONTRADICTION",
         message=f"{item.name}: is called {item.label}, and {other.name}, with the same content, "
         f"{other.label}; neither is used; try: only the right one of them",
@@ -83,7 +90,7 @@ def rows_of(
     if not found.people:
         message = (
             f"{item.name}: nobody was found in the {found.frames_looked_at} frames that were looked at; "
-            "try: another --pose or --model, or gesture render to see what the network sees"
+            f"try: {_NOBODY if item.kind == 'video' else _NOBODY_IN_FILE}"
         )
         nobody = replace(base, status=Code.NO_PERSON.status, code="E_NO_PERSON", message=message)
         return [_with_damage(nobody, item, found)]
@@ -126,7 +133,8 @@ def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:
     if not tree["events"]:
         message = (
             f"{item.name}: none of the examples was recognised in {base.seconds:.1f} s; "
-            "try: more examples, a larger spot.threshold, or gesture render to see what the network sees"
+            "try: more examples, a larger --set spot.threshold=…, or gesture render"
+            " to see what the network sees"
         )
         return [replace(base, status=Code.NO_EVENT.status, code=str(Code.NO_EVENT), message=message)]
     rows = []

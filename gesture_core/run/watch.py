@@ -15,12 +15,11 @@ import numpy as np
 
 from gesture_core.errors import Code, ConfigError, GestureError, InputError
 from gesture_core.files import printable
-from gesture_core.pose.choice import choose_pose, described
+from gesture_core.pose.models import choose_pose, described
 from gesture_core.run.archive import Sources, as_strings, with_changes
-from gesture_core.run.evaluate import people_of
+from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.inputs import discover
 from gesture_core.run.labels import label_inputs
-from gesture_core.run.pipeline import Listener
 from gesture_core.settings import Settings
 from gesture_core.spot.capture import Capture, Note
 from gesture_core.spot.examples import NONE
@@ -106,7 +105,7 @@ class Watching:
         if self.settings.pose.people != "single":
             raise ConfigError(
                 "gesture watch follows one person",
-                remedy="pose.people=single, or gesture spot on a recording",
+                remedy="--set pose.people=single, or gesture spot on a recording",
                 code="E_OPTION",
             )
         self._resources = ExitStack()

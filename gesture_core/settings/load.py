@@ -183,7 +183,7 @@ def find_key(key: str, settings: Settings, origin: str) -> tuple[str, str]:
         plugin = _plugin(section.removeprefix("options."), origin, name)
         if name in fields_of("keypoints") and not _takes(plugin, name):
             cause = f"{origin} {key!r}: what keypoint files leave open is said once for all readers"
-            raise ConfigError(cause, remedy=f"keypoints.{name}", code="E_OPTION")
+            raise ConfigError(cause, remedy=f"--set keypoints.{name}=…", code="E_OPTION")
         return plugin, name
     owners = [section for section in SECTIONS if key in fields_of(section)]
     owners += [plugin for plugin, given in settings.options.items() if key in given]
@@ -269,7 +269,7 @@ def _takes(plugin: str, option: str) -> bool:
 def _elsewhere(name: str, known: Sequence[str], section: str) -> str:
     """A remedy for the name of a setting that its ``section`` lacks: whole keys."""
     if name in fields_of("keypoints"):
-        return f"keypoints.{name}"
+        return f"--set keypoints.{name}=…"
     alike = difflib.get_close_matches(name, known, 3) or known
     return near(f"{section}.{name}", [f"{section}.{other}" for other in alike])
 

@@ -191,8 +191,8 @@ class SpotSettings(_Section):
 
     Attributes
     ----------
-    filters : tuple of str
-        Instead of ``signals.filters``, where there are any: what tells a gesture from the next moment
+    chain : tuple of str
+        Filters instead of ``signals.filters``, where there are any: what tells a gesture from the next moment
         should depend on that moment alone.
     floor : float
         Added to the variances of example and event before they divide a cost, in the squared unit of
@@ -219,7 +219,7 @@ class SpotSettings(_Section):
         Find in a recording what would have been found while it went on: nothing is known of later frames.
     """
 
-    filters: tuple[str, ...] = ()
+    chain: tuple[str, ...] = ()
     floor: float = 0.01
     tempos: tuple[float, ...] = (0.6, 1.6)
     threshold: float | None = None
@@ -336,7 +336,7 @@ class Settings:
         """
         chosen = self.signals
         steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
-        for name in dict.fromkeys([*chosen.filters, *self.spot.filters]):
+        for name in dict.fromkeys([*chosen.filters, *self.spot.chain]):
             steps.append(("filter", name))
         kernel = self.classify.kernel
         return steps if kernel in ("", "auto") else [*steps, ("kernel", kernel)]

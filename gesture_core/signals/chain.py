@@ -101,7 +101,8 @@ class Chain:
                 raise SignalError(
                     "no channel moves enough to be compared; a person who stands still makes no gesture",
                     subject=pose.source,
-                    remedy="a lower variance.t_var, or signals.selector=all where poses are classes too",
+                    remedy="a lower --set variance.t_var=…, or --set signals.selector=all where poses are "
+                    "classes too",
                     code="E_NO_SALIENT",
                 )
             return signals
@@ -127,7 +128,8 @@ class Chain:
             raise PoseError(
                 f"no joint has a place in {self.gaps.min_seen:.0%} of the frames",
                 subject=pose.source,
-                remedy="a lower signals.min_seen, another normalizer, or a clip in which joints are seen",
+                remedy="a lower --set signals.min_seen=…, another normalizer, or a clip in which joints "
+                "are seen",
                 code="E_POSE_SPARSE",
             )
         return Signals(

@@ -52,7 +52,7 @@ def require_pose(pose: PoseSequence, rule: GapRule) -> PoseSequence:
         raise PoseError(
             f"is only {frames} {'frame' if frames == 1 else 'frames'} long, at least {least} are needed",
             subject=pose.source,
-            remedy="a longer clip, or a lower signals.min_frames",
+            remedy="a longer clip, or a lower --set signals.min_frames=…",
             code="E_POSE_SHORT",
         )
     if count < least or count < rule.min_pose * frames:
@@ -60,7 +60,7 @@ def require_pose(pose: PoseSequence, rule: GapRule) -> PoseSequence:
             f"a person was found in {count} of {frames} frames, "
             f"at least {least} and {rule.min_pose:.0%} are needed",
             subject=pose.source,
-            remedy="another pose network, a lower pose.score, or a clip in which the person is seen",
+            remedy="another pose network, a lower --set pose.score=…, or a clip in which the person is seen",
             code="E_POSE_SPARSE",
         )
     first, last = np.flatnonzero(with_pose)[[0, -1]]

@@ -44,7 +44,7 @@ def mirrored(signals: Signals) -> Signals:
         raise SignalError(
             f"channel {lost[0]} has no counterpart on the other side",
             subject=signals.source,
-            remedy="classify.mirror=none, or channels of both sides",
+            remedy="--set classify.mirror=none, or channels of both sides",
             code="E_MIRROR",
         )
     order = [signals.channels.index(other) for other in opposite]

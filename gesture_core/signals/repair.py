@@ -72,7 +72,7 @@ def repaired(pose: PoseSequence) -> Repair:
         return Repair(pose, 0)
     # Places as complex numbers: their differences have a length and no second axis.
     points = (pose.keypoints / np.float64(length)).view(np.complex128)[..., 0]
-    zero = _placeholders(pose)
+    zero = placeholders(pose)
     points[zero] = np.nan
     last = _last_seen(points)
     others = np.array(skeleton(pose.skeleton).mirror)
@@ -107,7 +107,7 @@ def _trembling(lengths: np.ndarray) -> float:
     return NOISE * float(np.percentile(np.abs(np.diff(lengths)), SCALE)) if len(lengths) > 1 else 0.0
 
 
-def _placeholders(pose: PoseSequence) -> np.ndarray:
+def placeholders(pose: PoseSequence) -> np.ndarray:
     """(T, J) bool: exactly at 0, 0, where nobody's joint is; unless the picture's origin is in the body."""
     zero: np.ndarray = (pose.keypoints == 0).all(axis=2)
     always = (zero | ~pose.seen).all(axis=0) & zero.any(axis=0)

@@ -50,11 +50,11 @@ class Search:
     examples : SpottingExamples
     present : (D,) bool
         Channels that the stream has.
-    worst : (C,) float array
+    worst : float or (C,) float array
         Distance to each class above which no subsequence is a candidate.
     """
 
-    def __init__(self, examples: SpottingExamples, present: np.ndarray, worst: np.ndarray) -> None:
+    def __init__(self, examples: SpottingExamples, present: np.ndarray, worst: np.ndarray | float) -> None:
         self._looking = examples.look_into(present)
         self._example, self._worst = examples.example, worst
         classes, codes = len(examples.classes), examples.code_of_series()

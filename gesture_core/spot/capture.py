@@ -13,7 +13,7 @@ from gesture_core.errors import GestureError
 from gesture_core.spot.sources import TIMEOUT, FrameSource, Given
 
 if TYPE_CHECKING:
-    from gesture_core.video.frames import Picture
+    from gesture_core.video.reader import Picture
 
 WAITS = (1.0, 2.0, 5.0, 10.0, 30.0)
 """Seconds before a lost source is opened again, the last of them from then on."""

@@ -18,7 +18,7 @@ def stream_chain(settings: Settings) -> Chain:
 
     What stands still has signals as well, as most of a long recording does.
     """
-    chosen = replace(settings.signals, filters=settings.spot.filters or settings.signals.filters)
+    chosen = replace(settings.signals, filters=settings.spot.chain or settings.signals.filters)
     chain = Chain.from_settings(replace(settings, signals=chosen))
     normalizer = chain.normalizer
     if isinstance(normalizer, StreamStep):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import ClassVar, Literal, Self
@@ -16,18 +18,33 @@ from gesture_core.files import printable
 from gesture_core.plugin.registry import calling
 from gesture_core.records import VideoInfo, VideoLimits, VideoReport
 from gesture_core.video.containers import UNTIMED, open_container
-from gesture_core.video.frames import (
-    DEFAULT_FPS,
-    Clock,
-    LazyPicture,
-    fit,
-    plausible_aspect,
-    square,
-    square_size,
-    upright,
-    variable_rate,
-)
 from gesture_core.video.integrity import MAX_FPS, DamageLog
+
+DEFAULT_FPS = 25.0
+"""Frames a second where nothing tells."""
+_LEAP = 3600.0
+# No camera or disc has pixels that are longer than this: a broken header has.
+_LONGEST_PIXEL = 8
+# Intervals between frames of a variable rate: the long ones last so much longer than the short ones. Rounding
+# to milliseconds, and a frame that was dropped now and then, make no variable rate.
+_VARIABLE = 1.5
+
+
+@dataclass(frozen=True)
+class LazyPicture:
+    """A decoded picture whose pixels are converted only if somebody looks at them.
+
+    Attributes
+    ----------
+    width, height : int
+        Pixels of the stored picture.
+    convert : callable
+        Gives (height, width, 3) uint8 in BGR, or None where it fails, which is then in the log.
+    """
+
+    width: int
+    height: int
+    convert: Callable[[], np.ndarray | None]
 
 
 class VideoDecoder(ABC):
@@ -168,7 +185,7 @@ class VideoDecoder(ABC):
             width, height = stored.width, stored.height
         else:
             height, width = stored.shape[:2]
-        width, height = square_size(width, height, *self._pixels)
+        width, height = _square_size(width, height, *self._pixels)
         self.check_size(width, height)
         if info.rotation % 180:
             width, height = height, width
@@ -184,7 +201,10 @@ class VideoDecoder(ABC):
             self._read -= 1
             return None
         if pixels[0] != pixels[1]:
-            picture = square(picture, *pixels)
+            import cv2
+
+            stretched = _square_size(picture.shape[1], picture.shape[0], *pixels)
+            picture = cv2.resize(picture, stretched, interpolation=cv2.INTER_LINEAR)
         frame = upright(picture, info.rotation, info.mirrored)
         same = frame.shape[:2] == (info.height, info.width)
         return frame if same else fit(frame, info.width, info.height)
@@ -228,12 +248,12 @@ class VideoDecoder(ABC):
             Width to height of one pixel. What no camera has is taken as square, which the log says.
         """
         across, down = pixel_aspect
-        if across != down and not plausible_aspect(across, down):
+        if across != down and not _plausible(across, down):
             self.log.note(f"pixels of {across}:{down} are implausible and taken as square")
         elif across != down:
             self._pixels = across, down
             stored = f"{width} x {height}"
-            width, height = square_size(width, height, across, down)
+            width, height = _square_size(width, height, across, down)
             self.check_size(width, height)
             self.log.note(f"pixels of {across}:{down} made square: {stored} shown as {width} x {height}")
         turned = round(rotation / 90) % 4 * 90
@@ -253,7 +273,7 @@ class VideoDecoder(ABC):
 
     def change_pixels(self, across: int, down: int) -> None:
         """Take the pixels of what follows as ``across`` to ``down``, for a reader that sees them change."""
-        if plausible_aspect(across, down) and (across, down) != self._pixels:
+        if _plausible(across, down) and (across, down) != self._pixels:
             self._pixels = across, down
             self.log.note(f"pixels become {across}:{down} half-way, made square")
 
@@ -279,3 +299,98 @@ class VideoDecoder(ABC):
 
     def __exit__(self, *error: object) -> None:
         self.resources.close()
+
+
+class Clock:
+    """Turns the container's stamps into seconds that never decrease.
+
+    A stamp that runs backwards, or an hour ahead, starts a new stretch, one frame after the last: what
+    follows keeps its pace. An absent stamp is one frame after the last.
+
+    Parameters
+    ----------
+    fps : float or None
+        Frames a second for frames without a stamp; 25 where it is not known, which the log records.
+    log : DamageLog
+        Where repairs are noted.
+    """
+
+    def __init__(self, fps: float | None, log: DamageLog) -> None:
+        self._step = 1 / (fps or DEFAULT_FPS)
+        self._rate = f"{fps or DEFAULT_FPS:g} frames/s{'' if fps else ' assumed'}"
+        self._log = log
+        self._offset = 0.0
+        self._last: float | None = None
+
+    def at(self, stamp: float | None) -> float:
+        """Seconds of the next frame, whose stamp is ``stamp`` seconds or None."""
+        following = 0.0 if self._last is None else self._last + self._step
+        if stamp is None or not math.isfinite(stamp):
+            self._log.note(f"frame without a time stamp, placed at {self._rate}")
+            time = following
+        else:
+            time = stamp + self._offset
+            before = 0.0 if self._last is None else self._last
+            if time - before > _LEAP:
+                self._log.damage("time stamp more than an hour after the last")
+            elif self._last is not None and time < self._last:
+                self._log.note("time stamps run backwards, continued from the last")
+            else:
+                self._last = time
+                return time
+            self._offset += following - time
+            time = following
+        self._last = time
+        return time
+
+
+def variable_rate(times: Sequence[float]) -> str:
+    """What to note of a video whose frame rate is variable; empty where it is constant."""
+    intervals = np.diff(times)
+    if len(intervals) < 2:
+        return ""
+    short, long = np.quantile(intervals, (0.1, 0.9))
+    if long <= _VARIABLE * max(short, 1e-6):
+        return ""
+    most = f"{1 / short:.0f}" if short > 1e-6 else "more"
+    return f"variable frame rate, {1 / long:.0f} to {most} frames/s; times are those of the file"
+
+
+def _plausible(across: int, down: int) -> bool:
+    """Whether pixels may be ``across`` wide and ``down`` high."""
+    return across > 0 and down > 0 and 1 / _LONGEST_PIXEL <= across / down <= _LONGEST_PIXEL
+
+
+def _square_size(width: int, height: int, across: int, down: int) -> tuple[int, int]:
+    """Size of a picture whose pixels are ``across`` to ``down``, once they are square.
+
+    The shorter side of the pixels is stretched, as players do, so that nothing that was filmed is lost.
+    """
+    if across > down:
+        return max(1, round(width * across / down)), height
+    return width, max(1, round(height * down / across))
+
+
+def upright(frame: np.ndarray, rotation: int, mirrored: bool = False) -> np.ndarray:
+    """Turn ``frame`` (H, W, 3) clockwise by ``rotation`` degrees (0, 90, 180, 270), then mirror it."""
+    turned = frame if rotation == 0 else np.rot90(frame, k=-rotation // 90)
+    return np.ascontiguousarray(turned[:, ::-1] if mirrored else turned)
+
+
+def fit(frame: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Scale ``frame`` into ``width`` x ``height`` pixels, keeping its aspect, on black.
+
+    A recording may change its size half-way (a call that loses bandwidth, a phone that is turned).
+    Coordinates of joints must not jump then, nor bodies change their shape.
+    """
+    import cv2
+
+    scale = min(width / frame.shape[1], height / frame.shape[0])
+    inner_width = min(width, max(1, round(frame.shape[1] * scale)))
+    inner_height = min(height, max(1, round(frame.shape[0] * scale)))
+    left, top = (width - inner_width) // 2, (height - inner_height) // 2
+    out = np.zeros((height, width, 3), np.uint8)
+    out[top : top + inner_height, left : left + inner_width] = cv2.resize(
+        frame, (inner_width, inner_height), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    )
+    return out

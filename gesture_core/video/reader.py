@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Any, Self
 
-from gesture_core.errors import MissingDependencyError
+from gesture_core.errors import MediaError, MissingDependencyError
+from gesture_core.plugin.abilities import LazyFrames
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import VideoInfo, VideoLimits, VideoReport
-from gesture_core.video.frames import Picture, pictures
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,6 +23,10 @@ if TYPE_CHECKING:
     from gesture_core.plugin.interfaces import Video, VideoReader
 
 Options = Mapping[str, Mapping[str, Any]]
+Picture = tuple[float, Callable[[], "np.ndarray | None"]]
+"""The second of a frame, and what gives its pixels, or None where they cannot be converted."""
+_RECENT = 15
+"""Frames whose median interval says how far apart they are."""
 
 
 def open_video(
@@ -109,3 +117,58 @@ def _choose(reader: str, options: Options) -> tuple[str, VideoReader]:
         except MissingDependencyError:
             reader = "opencv"
     return reader, registry().make("video", reader, options.get(reader))
+
+
+def pictures(video: Video) -> Iterator[Picture]:
+    """The frames of a video, converted only where somebody asks if it can do so (`LazyFrames`)."""
+    if isinstance(video, LazyFrames):
+        yield from video.pictures()
+        return
+    for time, frame in video:
+        yield time, partial(_same, frame)
+
+
+def _same(frame: np.ndarray) -> np.ndarray:
+    return frame
+
+
+def at_rate(pictures: Iterable[Picture], rate: float | None) -> Iterator[tuple[float, np.ndarray]]:
+    """The frames that are looked at: one for each stretch of 1/``rate`` seconds, by their time stamps.
+
+    That is the first one from its beginning, or half an interval between frames before, so that stamps that
+    jitter or are rounded choose the frames that even ones would. A video that has no more than ``rate``
+    frames a second has all of them. Where its own rate is a multiple of ``rate``, or far above it, they are
+    evenly spaced.
+
+    Parameters
+    ----------
+    pictures : iterable of (seconds, convert)
+        From `pictures`.
+    rate : float or None
+        Frames a second; with None or 0, every frame.
+
+    Raises
+    ------
+    MediaError
+        ``E_MEDIA_BROKEN`` for a time that is no number, or earlier than the one before.
+    """
+    first, stretch, before = None, -1, -math.inf
+    intervals: deque[float] = deque(maxlen=_RECENT)
+    for time, convert in pictures:
+        if not before <= time < math.inf:
+            raise MediaError(
+                f"its reader gives a frame the time {time} after {before}",
+                remedy="another --set pose.reader=…, or --set video.fps=RATE",
+                code="E_MEDIA_BROKEN",
+            )
+        if first is None:
+            first = time
+        else:
+            intervals.append(time - before)
+        before = time
+        usual = median(intervals) if intervals else 0.0
+        here = int((time - first + usual / 2) * rate) if rate else stretch + 1
+        seldom = rate is not None and usual * rate >= 1
+        if (here > stretch or seldom) and (frame := convert()) is not None:
+            stretch = here
+            yield time, frame

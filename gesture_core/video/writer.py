@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from fractions import Fraction
 from pathlib import Path
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _CLOCK = 90_000
 """Ticks in a second of the video, so that real time stamps are kept."""
+_SEEKABLE = {"preset": "veryfast", "g": "6", "bf": "0", "threads": "1"}
 
 
 def can_write_video() -> bool:
@@ -41,6 +42,9 @@ class VideoWriter:
         Encoded as AAC after the last picture.
     rate : int
         Samples a second of ``sound``.
+    seekable : bool
+        A key frame every few frames and none that waits for a later one, so that a player can show any frame
+        at once; written quickly.
 
     Raises
     ------
@@ -49,10 +53,12 @@ class VideoWriter:
     """
 
     def __init__(
-        self, path: Path, *, quality: int = 23, sound: Iterable[AudioFrame] | None = None, rate: int = 48_000
-    ) -> None:
+        self, path: Path, *, quality: int = 23, sound: Iterable[AudioFrame] | None = None,
+        rate: int = 48_000, seekable: bool = False,
+    ) -> None:  # fmt: skip
         self.count = 0
-        self._path, self._quality, self._sound, self._rate = path, quality, sound, rate
+        self._path, self._sound, self._rate = path, sound, rate
+        self._options = {"crf": str(quality)} | (_SEEKABLE if seekable else {})
         self._last = -1
         self._stream: VideoStream | None = None
         self._audio: AudioStream | None = None
@@ -81,9 +87,7 @@ class VideoWriter:
         even = np.ascontiguousarray(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
         with self._failures():
             if self._stream is None:
-                self._stream = self._container.add_stream(
-                    "libx264", rate=30, options={"crf": str(self._quality)}
-                )
+                self._stream = self._container.add_stream("libx264", rate=30, options=self._options)
                 self._stream.height, self._stream.width = even.shape[:2]
                 self._stream.pix_fmt = "yuv420p"
                 self._stream.time_base = self._stream.codec_context.time_base = Fraction(1, _CLOCK)
@@ -120,9 +124,24 @@ class VideoWriter:
             ) from error
 
 
-def write_video(frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quality: int = 23) -> int:
+def write_video(
+    frames: Iterable[tuple[float, np.ndarray]], path: Path, *, quality: int = 23, seekable: bool = False
+) -> int:
     """Write all of ``frames`` with a `VideoWriter`; their number."""
-    with VideoWriter(path, quality=quality) as writer:
+    with VideoWriter(path, quality=quality, seekable=seekable) as writer:
         for time, frame in frames:
             writer.add(time, frame)
     return writer.count
+
+
+def room_around(boxes: Sequence[Sequence[float]], margin: float = 0.15) -> tuple[slice, slice]:
+    """The part of a frame in which all ``boxes`` lie: left, top, right and bottom of each, in pixels.
+
+    On each side there is ``margin`` more, as a share of the longer side of that place.
+    """
+    edges = np.array(boxes)
+    low, high = edges[:, :2].min(axis=0), edges[:, 2:].max(axis=0)
+    room = margin * float((high - low).max())
+    left, top = np.maximum(low - room, 0).astype(int).tolist()
+    right, bottom = np.ceil(high + room + 1).astype(int).tolist()
+    return slice(top, bottom), slice(left, right)

@@ -105,10 +105,10 @@ def test_evaluate_refuses_with_a_remedy(
 def test_a_protocol_that_does_not_fit_is_refused_before_anything_is_extracted(
     archive: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def extract_all(*_: object, **__: object) -> None:
+    def people_of(*_: object, **__: object) -> None:
         raise AssertionError("hours of work for nothing")
 
-    monkeypatch.setattr("gesture_core.run.extract.extract_all", extract_all)
+    monkeypatch.setattr("gesture_core.run.evaluate.people_of", people_of)
     few = ["--subjects", "_([A-Z])", "--protocol", "donor", "--grid", "neighbors=1,4"]
     for extra in (
         ["--protocol", "leave-one-subject-out"],
@@ -339,3 +339,39 @@ def test_explain_says_why(
     Path("run/run.fitted").write_bytes(b"damaged")
     assert run(["explain", "run", "up_C.npy"]) == 2, "it is fitted again, of examples that are not there"
     assert "is not where the run found it" in capsys.readouterr().err
+
+
+def test_left_and_right_of_one_name_are_said_by_every_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "classify"))
+    from swings import swing
+
+    for label, joint in {"swipe-left": "left_wrist", "swipe-right": "right_wrist", "up": "left_knee"}.items():
+        for number, frames in enumerate(_LENGTHS.values()):
+            points = swing(joint, 1, 1.0, frames)
+            stacked = np.concatenate([points + 300, np.ones((*points.shape[:2], 1))], axis=2)
+            (tmp_path / "clips" / label).mkdir(parents=True, exist_ok=True)
+            np.save(tmp_path / "clips" / label / f"{number}.npy", stacked)
+    clips, out = str(tmp_path / "clips"), str(tmp_path / "run")
+    plain = ["--preset", "paper", "--kernel", "numpy", "--set", "classify.mirror=1.1"]
+    for command in (
+        ["evaluate", clips, "--protocol", "leave-one-out", *plain],
+        ["classify", clips, "--examples", clips, "--out", out, "--engine", "inline", *plain],
+        ["explain", out, "up/0", "--out", str(tmp_path / "up")],
+    ):
+        capsys.readouterr()
+        assert run(command) == 0, command
+        assert "'swipe-left' and the like on the right may be one gesture" in capsys.readouterr().err
+    assert (tmp_path / "up.png").is_file(), "--out without a suffix is a picture all the same"
+
+
+def test_scores_of_events_are_json_through_a_pipe(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from gesture_core.spot.evaluation import score_events
+
+    monkeypatch.setattr("gesture_core.run.annotations.evaluate_events", lambda *_: score_events([], [], 60.0))
+    assert run(["evaluate", str(tmp_path), "--events", str(tmp_path)]) == 0
+    tree = json.loads(capsys.readouterr().out)
+    assert (tree["reported"], tree["annotated"], tree["minutes"]) == (0, 0, 1.0)

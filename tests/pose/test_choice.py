@@ -8,11 +8,14 @@ from typing import Any
 
 import pytest
 
-from gesture_core.errors import GestureError
-from gesture_core.pose.choice import choose_pose, described
-from gesture_core.pose.models import CARD, auto_models, known_models
+from gesture_core.errors import ConfigError, GestureError, PluginError
+from gesture_core.plugin import registry
+from gesture_core.pose.models import CARD, auto_models, choose_pose, described, known_models
 from gesture_core.run.fingerprint import pose_identity
+from gesture_core.run.inputs import Input
 from gesture_core.settings import Settings, load_settings
+
+VIDEO = Input(Path("clip.mp4"), "clip.mp4", "video")
 
 
 @pytest.fixture
@@ -73,9 +76,9 @@ def test_it_is_said_and_recorded(models: Path) -> None:
     assert text.startswith(
         "compact on onnx (cpu), about 331 frames/s a core; 'gesture models get blazepose' brings"
     )
-    before = pose_identity(settings(), with_model=True)["video"]
+    before = pose_identity(settings(), [VIDEO])["video"]
     put(models, "blazepose", ".tflite")
-    after = pose_identity(settings(), with_model=True)["video"]
+    after = pose_identity(settings(), [VIDEO])["video"]
     assert after["settings"]["model"] == "blazepose" != before["settings"]["model"]
     assert after["model"]["finder"] == before["model"]["sha256"]
     assert "models get" not in described(choose_pose(settings()))
@@ -97,6 +100,36 @@ def test_what_is_asked_for_and_not_there_is_an_error(
     with pytest.raises(GestureError, match=remedy) as caught:
         choose_pose(settings(**changes))
     assert caught.value.code == code
-    # Keypoint files need none of it.
-    kept = settings(**changes)
-    assert choose_pose(kept, needed=False) == kept
+    assert pose_identity(settings(**changes), []) == {"readers": {}}, "keypoint files need none of it"
+
+
+def test_the_device_of_a_backends_own_option_is_checked_and_recorded(models: Path) -> None:
+    wrong = settings().with_values([("pose.model", "compact"), ("onnx.device", "cuda")])
+    with pytest.raises(ConfigError, match=r"onnx\.device = 'cuda'.*onnxruntime: -gpu") as caught:
+        choose_pose(wrong)
+    assert caught.value.code == "E_PROVIDER"
+    right = settings().with_values([("pose.model", "compact"), ("onnx.device", "cpu")])
+    assert choose_pose(right).pose.provider == "cpu"
+
+
+def test_options_of_a_backend_that_auto_does_not_take_are_not_dropped(models: Path) -> None:
+    lost = settings().with_values([("opencv-dnn.batch_size", 2)])
+    with pytest.raises(ConfigError, match=r"options of 'opencv-dnn', and compact is run by 'onnx'.*--pose"):
+        choose_pose(lost)
+    assert choose_pose(lost.with_values([("onnx.batch_size", 2)])).pose.backend == "onnx"
+    assert choose_pose(lost.with_values([("pose.backend", "opencv-dnn")])).pose.backend == "opencv-dnn"
+
+
+@pytest.mark.parametrize(
+    "answer", ["raise RuntimeError('no driver')", "return None", "return {'provider': 3}"]
+)
+def test_what_a_backend_raises_when_asked_for_its_devices_names_it(
+    answer: str, models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kind = registry().load("pose", "onnx")
+    made: dict[str, Any] = {}
+    exec(f"def devices(cls): {answer}", made)
+    monkeypatch.setattr(kind, "devices", classmethod(made["devices"]))
+    with pytest.raises(PluginError, match=r"pose backend 'onnx' of .* raised") as caught:
+        choose_pose(settings(pose__model="compact"))
+    assert caught.value.code == "E_PLUGIN_RAISED"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -130,3 +131,15 @@ def test_real_keypoints_are_plausible(shared: Path) -> None:
         "the body jumps by half its size in 41% of the steps",
         "the body lies on its side in 132 of 132 frames, 92° from upright",
     ]
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_joints_at_the_origin_are_missing_whatever_their_score(share: float) -> None:
+    pose = read(person())
+    points = pose.keypoints.copy()
+    there = np.random.default_rng(0).random(len(points)) < share
+    for joint in (9, 10):  # wrists
+        points[there, joint] = 0
+    pose = replace(pose, keypoints=points)
+    assert (pose.scores > 0).all()
+    assert check_plausible(pose) == []

@@ -11,9 +11,9 @@ from tiny_networks import constant
 
 from gesture_core.errors import PoseError
 from gesture_core.plugin import registry
-from gesture_core.pose.heatmaps import LIMBS
 from gesture_core.pose.models import find_model
 from gesture_core.pose.network import NetworkBackend
+from gesture_core.pose.people import LIMBS
 from gesture_core.skeletons import SKELETONS
 
 GREY = np.full((128, 128, 3), 90, np.uint8)  # twice the size of the input

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.contract import ModelContract
+from gesture_core.pose.decode import find_peaks, top_peaks
 from gesture_core.pose.follow import BELOW, SHOULDERS, Anatomy, Body, Window
-from gesture_core.pose.heatmaps import find_peaks, top_peaks
 from gesture_core.pose.network import Letterbox, input_size, to_batch
 from gesture_core.skeletons import COCO18, SKELETONS
 

@@ -6,8 +6,8 @@ import pytest
 
 from gesture_core.errors import ModelError
 from gesture_core.pose.contract import ModelContract, Tensor, infer_contract, split_openpose
-from gesture_core.pose.heatmaps import LIMBS
 from gesture_core.pose.models import known_models
+from gesture_core.pose.people import LIMBS
 from gesture_core.skeletons import SKELETONS
 
 IMAGE = Tensor("image", "float32", (None, 3, 256, 256))

@@ -21,10 +21,13 @@ from gesture_core.cli.main import run
 from gesture_core.errors import GestureError, ModelError
 from gesture_core.pose import models as models_module
 from gesture_core.pose.downloads import downloaded
-from gesture_core.pose.model_store import add_model, verify_models
-from gesture_core.pose.models import added_names, find_model, known_models, read_card
+from gesture_core.pose.model_store import add_model, added_names, read_card, verify_models
+from gesture_core.pose.models import find_model, known_models
 from gesture_core.run.fingerprint import pose_identity, pose_keys
+from gesture_core.run.inputs import Input
 from gesture_core.settings import load_settings
+
+VIDEO = Input(Path("clip.mp4"), "clip.mp4", "video")
 
 
 @pytest.fixture(autouse=True)
@@ -171,7 +174,7 @@ def test_keypoints_of_another_contract_are_not_used_again(network: Path) -> None
     keys = set()
     for score in (0.1, 0.4):
         add_model(network, "mine", contract={"score": score}, replace=True)
-        keys.add(pose_keys(pose_identity(settings, with_model=True))["video"])
+        keys.add(pose_keys(pose_identity(settings, [VIDEO]))["video"])
     assert len(keys) == 2
 
 
@@ -300,7 +303,13 @@ def test_the_commands_say_what_is_there(network: Path, capsys: pytest.CaptureFix
         assert run(command) == 0
         out = capsys.readouterr().out
         assert "mine" in out and sha(network)[:12] in out and "hpe0001" in out and "non-commercial" in out
+        listed = {one["name"]: one for one in map(json.loads, out.splitlines())}
+        assert (listed["mine"]["status"], listed["mine"]["sha256"]) == ("added", sha(network))
+        assert "https://" in listed["rtmpose-s"]["place"] and listed["compact"]["status"] == "packaged"
     assert run(["models", "verify"]) == 0
+    assert {"name": "mine", "status": "ok"}.items() <= json.loads(
+        capsys.readouterr().out.splitlines()[0]
+    ).items()
     read_card("mine").path.write_bytes(b"")
     assert run(["models", "verify"]) == 3
     capsys.readouterr()

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from tiny_networks import FIGURE
 
 from gesture_core.plugin.interfaces import Person
-from gesture_core.pose.extract import Tracker
-from gesture_core.pose.heatmaps import LIMBS, SAMPLES, assemble, find_peaks, limb_scores
+from gesture_core.pose.decode import find_peaks
+from gesture_core.pose.people import LIMBS, SAMPLES, Tracker, assemble, limb_scores
 
 SIZE = (60, 100)
 
@@ -102,8 +102,8 @@ def test_the_line_integral_is_that_of_a_slow_reference(monkeypatch: pytest.Monke
     random = np.random.default_rng(1)
     field = random.normal(size=(2, 20, 30))
     starts, ends = random.uniform(0, 19, (4, 2)), random.uniform(0, 19, (5, 2))
-    monkeypatch.setattr("gesture_core.pose.heatmaps.SHARE", 0.0)
-    monkeypatch.setattr("gesture_core.pose.heatmaps.ALONG", -10)
+    monkeypatch.setattr("gesture_core.pose.people.SHARE", 0.0)
+    monkeypatch.setattr("gesture_core.pose.people.ALONG", -10)
     got = limb_scores(field, starts, ends)
     for i, a in enumerate(starts):
         for j, b in enumerate(ends):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gesture_core.errors import ModelError
 from gesture_core.plugin import registry
 from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.contract import BLAZEPOSE, Tensor, infer_contract
@@ -69,6 +70,18 @@ def test_people_stand_upright_in_their_square() -> None:
     assert head.keypoints[0, 0] > 120 and head.keypoints[0, 1] == pytest.approx(100, abs=0.5)
     assert head.region is not None and np.linalg.norm(head.region[0] - middle) > 100
     assert Region.around(middle, middle) is None
+    for wrong in (np.nan, np.inf, -np.inf, 1e12):
+        assert Region.around(middle, np.array([wrong, 30.0])) is None
+        assert Region.around(np.array([wrong, 30.0]), np.array([wrong, 90.0])) is None
+
+
+def test_landmarks_without_presence_are_another_network() -> None:
+    shapes = [shape for shape in SHAPES if shape != (1, 1)]
+    with pytest.raises(ModelError, match=r"E_MODEL_LAYOUT.*presence"):
+        infer_contract([IMAGE], shapes)
+    contract = infer_contract([IMAGE], SHAPES)
+    with pytest.raises(ModelError, match=r"E_MODEL_LAYOUT.*whether a person is there"):
+        decode([np.zeros(shape, np.float32) for shape in shapes], contract, (256, 256), "single", 0.05)
 
 
 def figure(view: np.ndarray, layout: Skeleton) -> np.ndarray:
@@ -88,8 +101,8 @@ class Seeing:
 
     skeleton, batch_size, region, wrong = "blazepose33", 1, 256, False
 
-    def __init__(self) -> None:
-        self.finder = Finding()
+    def finder(self) -> Finding:
+        return Finding()
 
     def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
         (view,) = frames

@@ -79,7 +79,7 @@ def test_percent(tmp_path: Path) -> None:
     points = person(COCO17.joints)
     np.save(tmp_path / "k.npy", points / (640, 480) * 100)
     (pose,) = ArrayReader().read(tmp_path / "k.npy")
-    assert "keypoints.unit=shares where they are percent" in pose.provenance["notes"]
+    assert "--set keypoints.unit=shares where they are percent" in pose.provenance["notes"]
     (pose,) = ArrayReader(ReadOptions(unit="shares")).read(tmp_path / "k.npy")
     same(pose, points, COCO17.joints)
 

@@ -13,6 +13,7 @@ import os
 import random
 import shutil
 import signal
+import sqlite3
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -45,16 +46,16 @@ def arm(count: int) -> None:
     os.fsync = counted(os.fsync)
     Path.replace = counted(Path.replace)  # type: ignore[method-assign]
     pq.write_table = counted(pq.write_table)
-    transaction = results.Results._transaction
+    transaction = results._transaction
 
     @contextmanager
-    def killed(self: results.Results) -> Iterator[None]:
+    def killed(db: sqlite3.Connection) -> Iterator[None]:
         counted(lambda: None)()
-        with transaction(self):
+        with transaction(db):
             yield
             counted(lambda: None)()
 
-    results.Results._transaction = killed  # type: ignore[method-assign]
+    results._transaction = killed
 
 
 class Victim:

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import psutil
 
-from gesture_core.run.pipeline import Listener, run_archive
+from gesture_core.run.extract import Listener
+from gesture_core.run.pipeline import run_archive
 from gesture_core.run.plan import RunRequest
 from gesture_core.settings import load_settings
 from gesture_core.types import Row

@@ -54,6 +54,15 @@ def test_links_back_to_a_folder_above_end(folder: Path) -> None:
     )
 
 
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="only Linux makes up such folders")
+def test_what_the_system_makes_up_is_not_walked_into(folder: Path) -> None:
+    (folder / "sub" / "system").symlink_to("/proc/self", target_is_directory=True)
+    made_up = [item for item in discover([str(folder)]) if item.kind == "broken"]
+    assert [(item.path.name, item.code) for item in made_up] == [("system", "E_READ")]
+    assert "made up by the system" in made_up[0].fault
+    assert [item.kind for item in discover(["/proc/self"])] == ["broken"], "one row that says so"
+
+
 def test_text_and_csv_manifests(folder: Path) -> None:
     (folder / "list.txt").write_text("# comment\nb.mp4\n\nsub\n")
     assert names(folder / "list.txt") == ["b.mp4", "c.avi"]

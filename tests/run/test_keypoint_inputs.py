@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from gesture_core.run.store import read_keypoints, write_keypoints
 from gesture_core.run.workers.keypoints import Extracted, KeypointExtractor
 from gesture_core.settings import load_settings
 from gesture_core.skeletons import COCO18
+from gesture_core.testing import draw_pose
 from gesture_core.types import Job, PoseSequence
 
 FRAMES = 12
@@ -48,7 +50,7 @@ def extract(path: Path, **changes: Any) -> tuple[Extracted, list[PoseSequence]]:
     settings = load_settings("paper", environment={}, **changes)
     (item,) = discover([path])
     store = path.parent / "store"
-    job = Job(settings.as_dict(), str(store), pose_keys(pose_identity(settings, with_model=False)))
+    job = Job(settings.as_dict(), str(store), pose_keys(pose_identity(settings, [item])))
     outcome = KeypointExtractor(job, settings, lambda _: None)(path, item.member, item.reader)
     return outcome, read_keypoints(store / outcome.stored).sequences if outcome.stored else []
 
@@ -80,3 +82,15 @@ def test_joints_below_the_score_are_missing(tmp_path: Path, kind: str) -> None:
     assert sure.seen[:, :13].all() and not sure.seen[:, 13].any() and sure.seen[:, 14:].all()
     assert len(extract(path, pose__score=0.5, pose__people="multi")[1]) == 1
     assert extract(path, pose__score=0.95)[0].people == ()
+
+
+def test_joints_below_the_score_are_not_asked_whether_they_are_plausible(tmp_path: Path) -> None:
+    pose = draw_pose(frames=FRAMES)
+    points, scores = pose.keypoints[..., :2].copy(), np.full(pose.scores.shape, 0.9)
+    for side in ("left", "right"):  # guesses far outside the picture
+        wrist = COCO18.index(f"{side}_wrist")
+        points[:, wrist], scores[:, wrist] = 5000, 0.05
+    path = write(tmp_path, "csv", [replace(pose, keypoints=points, scores=scores)])
+    assert extract(path)[0].code == "E_KEYPOINTS_IMPLAUSIBLE"
+    outcome, _ = extract(path, pose__score=0.3)
+    assert outcome.code == "" and outcome.people

@@ -21,7 +21,8 @@ from gesture_core.classify.recognizer import Recognizer
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, GestureError, InputError, RunFolderError
 from gesture_core.files import TEMPORARY
-from gesture_core.run.pipeline import Listener, RunSummary
+from gesture_core.run.extract import Listener
+from gesture_core.run.pipeline import RunSummary
 from gesture_core.run.results import open_results, run_lock
 from gesture_core.types import Row
 

@@ -18,7 +18,8 @@ from gesture_core.cli.main import run as gesture
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import GestureError
 from gesture_core.files import content_sha256
-from gesture_core.run.results import Committed, Results, open_results
+from gesture_core.run.inputs import Input
+from gesture_core.run.results import Results, open_results
 from gesture_core.types import Row
 from gesture_core.video import open_video
 from gesture_core.video.writer import VideoWriter
@@ -51,8 +52,7 @@ def a_run(folder: Path, rows: list[Row], place: Path, *changes: str) -> Path:
         for row in rows:
             by_input.setdefault(row.input, []).append(row)
         for name, some in by_input.items():
-            path = str(place.parent / Path(name).name).encode()
-            results.commit(Committed(path + b"\0", path, ""), some)
+            results.commit(Input(place.parent / Path(name).name, name, "video"), some)
     return folder
 
 

@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 from streams import strung
 
-from gesture_core import classify_archive, evaluate_events, load_poses, spot_archive
+from gesture_core import classify_archive, evaluate_events, explain, load_poses, spot_archive
+from gesture_core.cli.main import run as gesture
 from gesture_core.demo.archive import DemoArchive
+from gesture_core.dtw.subsequence import reference_subsequences
+from gesture_core.errors import PluginError
+from gesture_core.spot.explanation import subsequence_path
 from gesture_core.types import PoseSequence
 
 CHANGES: dict[str, Any] = {"spot__tempos": ()}
@@ -61,3 +65,66 @@ def test_classify_names_what_is_for_long_inputs(drawn: DemoArchive, recordings: 
         classify_archive(
             recordings / "six.npz", drawn.example_keypoints, tmp_path / "run", engine="inline", **CHANGES
         )
+
+
+def test_classify_names_it_before_a_long_video_is_looked_at(drawn: DemoArchive, tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    from gesture_core.run.extract import Listener
+    from gesture_core.video.writer import write_video
+
+    noise = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
+    write_video([(number / 5, np.roll(noise, number, 1)) for number in range(300)], tmp_path / "long.mp4")
+
+    class Stopped(Exception):
+        pass
+
+    class First(Listener):
+        def frames(self, name: str, count: int) -> None:
+            raise Stopped
+
+        def extracted(self, name: str, cached: bool) -> None:
+            raise Stopped
+
+    with (
+        pytest.warns(UserWarning, match="long.mp4 lasts 60 s.*gesture spot"),
+        pytest.raises(PluginError, match="Stopped"),
+    ):
+        classify_archive(tmp_path / "long.mp4", drawn.examples, tmp_path / "run", listener=First())
+
+
+def test_an_event_is_explained_by_its_example(
+    drawn: DemoArchive, recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    spotted = spot_archive(recordings / "six.npz", drawn.example_keypoints, out, engine="inline", **CHANGES)
+    rows = [row for row in spotted.rows() if row.event]
+    for row in rows[:2]:
+        found = explain(out, "six.npz", event=row.event)
+        near, far = found.explanation.nearest, found.explanation.runner_up
+        assert found.row == row
+        assert (near.example, near.label) == row.neighbors[0][:2]
+        assert near.distance == pytest.approx(row.distance, rel=1e-3)
+        assert near.costs.sum() == pytest.approx(row.distance, rel=1e-3)
+        assert row.start is not None and row.end is not None
+        assert abs(near.query.times[0] - row.start) < 0.06 and abs(near.query.times[-1] - row.end) < 0.06
+        assert far is None or (far.label != row.label and far.distance > near.distance)
+    assert gesture(["explain", str(out), "six.npz", "--event", "2"]) == 0
+    assert f"{rows[1].label}, event 2 from" in capsys.readouterr().out
+    assert len(list(out.glob("explain-*event2*.png"))) == 1
+    assert gesture(["explain", str(out), "six.npz", "--event", "99"]) == 2
+    assert f"--event 1 to {len(rows)}" in capsys.readouterr().err
+
+
+def test_the_path_of_an_event_is_that_of_its_distance() -> None:
+    rng = np.random.default_rng(0)
+    example = rng.normal(size=(9, 3)).cumsum(axis=0)
+    stream = rng.normal(size=(40, 3)).cumsum(axis=0)
+    stream[20:33] = example[np.linspace(0, 8, 13).round().astype(int)] + rng.normal(0, 0.1, (13, 3))
+    distances, lengths = reference_subsequences(stream, example, 0.01)
+    end = int(np.nanargmin(distances))
+    part = stream[end + 1 - lengths[end] : end + 1]
+    path, paid = subsequence_path(part, example)
+    size = np.sqrt((part.var(axis=0).sum() + 0.01) * (example.var(axis=0).sum() + 0.01))
+    assert paid.sum() / len(example) / size == pytest.approx(distances[end])
+    assert path[0][0] <= 1 and tuple(path[-1]) == (len(part) - 1, len(example) - 1)
+    assert set(path[:, 1].tolist()) == set(range(len(example)))

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gesture_core.video import DamageLog, Integrity
-from gesture_core.video.frames import Clock, fit, upright
+from gesture_core.video.decoder import Clock, fit, upright
 from gesture_core.video.integrity import MAX_NOTES, gaps
 from gesture_core.video.integrity.iso import edit_list_fault
 

@@ -314,6 +314,16 @@ def test_usual_rates_are_looked_at_in_even_steps(fps: float, step: int) -> None:
     assert len(found) >= 300 // step
 
 
+@pytest.mark.parametrize(("fps", "step"), [(30, 2), (60, 4), (15, 1), (14, 1), (10, 1)])
+@pytest.mark.parametrize("seed", range(5))
+def test_stamps_that_jitter_choose_the_frames_that_even_ones_would(fps: float, step: int, seed: int) -> None:
+    even = np.arange(300) / fps
+    jitter = np.random.default_rng(seed).uniform(-0.005, 0.005, 300) * min(1, 30 / fps)
+    times = np.maximum.accumulate(even + jitter)
+    found = [time for time, _ in at_rate(((time, lambda: np.zeros(0)) for time in times.tolist()), 15)]
+    np.testing.assert_array_equal(found, times[::step])
+
+
 @pytest.mark.parametrize("odd", [float("nan"), float("inf"), 0.01])
 @pytest.mark.parametrize("rate", [None, 15.0])
 def test_times_that_are_none_are_an_error_of_the_video(odd: float, rate: float | None) -> None:

@@ -43,8 +43,7 @@ class _Clip:
 
     def add(self, time: float, frame: Any, sound: Sound | None) -> None:
         """Append a frame; after an error, nothing more."""
-        from gesture_core.video.frames import room_around
-        from gesture_core.video.writer import VideoWriter
+        from gesture_core.video.writer import VideoWriter, room_around
 
         if self.error:
             return

@@ -126,18 +126,19 @@ class Decider:
                 self._settings, self._signals, self._labels, self._names, alive=alive, known=known
             )
         self._known = known
-        facts = {"fingerprint": fingerprint, "examples": len(self._signals)}
         with _writing(run):
-            save_recognizer(self._recognizer, run / FITTED, facts)
+            save_recognizer(self._recognizer, run / FITTED, {"fingerprint": fingerprint})
         self.keep(run)
 
-    def open(self, run: Path, fingerprint: str, examples: int) -> bool:
+    def open(self, run: Path, fingerprint: str, names: Sequence[str]) -> bool:
         """Take the fitted examples that `fit` has left in the run folder; False where it has not.
 
-        They are all ``examples`` of the run: of one that cannot be used, the run is to say why.
+        They are all that the run has, by their ``names`` of now: of one that cannot be used, the run is to
+        say why, and what was renamed is not to be found under its old name.
         """
         known = KnownDistances.read(run / DISTANCES, self._compared_by())
-        self._recognizer = open_fitted(run, fingerprint, known, examples)
+        fitted = open_fitted(run, fingerprint, known)
+        self._recognizer = fitted if fitted and list(fitted.library.names) == list(names) else None
         self._known = known if self._recognizer else None
         return self._recognizer is not None
 
@@ -180,9 +181,7 @@ class Decider:
         return [prediction for pose in poses for prediction in self.predict([pose])]
 
 
-def open_fitted(
-    run: Path, fingerprint: str, known: KnownDistances | None = None, examples: int | None = None
-) -> Recognizer | None:
+def open_fitted(run: Path, fingerprint: str, known: KnownDistances | None = None) -> Recognizer | None:
     """The fitted examples that a run has left in its folder.
 
     None where there are none, or those of other settings or examples, or of another version: they are a
@@ -192,5 +191,4 @@ def open_fitted(
         recognizer, facts = load_recognizer(run / FITTED, known)
     except InputError:
         return None
-    count = facts.get("examples") if examples is None else examples
-    return recognizer if (fingerprint, count) == (facts.get("fingerprint"), facts.get("examples")) else None
+    return recognizer if facts.get("fingerprint") == fingerprint else None

@@ -15,7 +15,6 @@ from typing import Any
 from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError
 from gesture_core.plugin.abilities import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
-from gesture_core.run.workers.keypoints import open_reader
 from gesture_core.run.workers.worker import Worker
 
 Answer = bool | tuple[str, str]
@@ -73,13 +72,25 @@ def extract(worker: Worker, path: str, member: str, reader: str) -> dict[str, An
     return asdict(worker.extractor(decoded(path), member, reader))
 
 
+def lasts(worker: Worker, path: str) -> float | None:
+    """Seconds of a video by what its container says, None where it does not."""
+    from gesture_core.plugin.interfaces import VideoLimits
+    from gesture_core.video import open_video
+
+    chosen = worker.settings
+    limits = VideoLimits(chosen.limits.pixels, chosen.limits.frames)
+    with open_video(decoded(path), chosen.pose.reader, limits, chosen.options, chosen.video.fps) as video:
+        info = video.info
+    return info.frames_declared / info.fps if info.frames_declared and info.fps else None
+
+
 def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
     """For each path whether the reader takes it, or what went wrong."""
     answers: list[Answer] = []
     for path in paths:
         try:
             with calling(registry().find("reader", reader), passing=(OSError,)):
-                answers.append(bool(open_reader(reader, worker.settings).accepts(decoded(path))))
+                answers.append(bool(worker.extractor.reader(reader).accepts(decoded(path))))
         except GestureError as error:
             answers.append((error.code, error.cause))
         except OSError as error:
@@ -92,7 +103,7 @@ def accepts(worker: Worker, reader: str, paths: Sequence[str]) -> list[Answer]:
 def refusal(worker: Worker, reader: str, path: str) -> str:
     """Why a reader does not take a file; empty where it does not say."""
     with calling(registry().find("reader", reader), passing=(OSError,)):
-        opened = open_reader(reader, worker.settings)
+        opened = worker.extractor.reader(reader)
         return str(opened.refusal(decoded(path))) if isinstance(opened, ExplainsRefusal) else ""
 
 
@@ -100,7 +111,7 @@ def members(worker: Worker, reader: str, path: str) -> list[str]:
     """Names of the sequences in a file or folder, one at least."""
     entry = registry().find("reader", reader)
     with calling(entry):
-        found = list(open_reader(reader, worker.settings).members(decoded(path)))
+        found = list(worker.extractor.reader(reader).members(decoded(path)))
     if not found or not all(isinstance(member, str) for member in found):
         cause = f"{entry} says that its members are {str(found)[:80]}"
         raise PluginError(cause, code="E_PLUGIN_CONTRACT")
@@ -125,10 +136,10 @@ def fit(worker: Worker, run: str, fingerprint: str) -> None:
     worker.decider.fit(decoded(run), fingerprint, worker.alive)
 
 
-def open_fitted(worker: Worker, run: str, fingerprint: str, examples: int) -> bool:
+def open_fitted(worker: Worker, run: str, fingerprint: str, names: Sequence[str]) -> bool:
     """Take what `fit` has left in the run folder; False where that is of other settings or examples."""
     worker.report({"slow": True})
-    return worker.decider.open(decoded(run), fingerprint, examples)
+    return worker.decider.open(decoded(run), fingerprint, names)
 
 
 def keep_distances(worker: Worker, run: str) -> None:
@@ -174,6 +185,50 @@ def spot(worker: Worker, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[
     return answers
 
 
+def draw_previews(
+    worker: Worker, path: str, video: bool, stored: str, cuts: Sequence[tuple[str, int | None, float, float]]
+) -> None:
+    """Write previews of one input: of each cut its file, the person, start and end in seconds."""
+    from gesture_core.run.workers.previews import Cut, draw_cuts, open_cuts
+
+    worker.report({"slow": True})
+    people = _people(worker, stored, "") if stored else ()
+    frames = open_cuts(decoded(path), worker.settings) if video else None
+    wanted = [Cut(decoded(file), person, start, end) for file, person, start, end in cuts]
+    draw_cuts(wanted, people, frames, worker.alive)
+
+
+def open_query(worker: Worker, stored: str, name: str, top: int) -> None:
+    """Take the first person of a stored clip as what is looked for."""
+    from gesture_core.spot.find import Query
+
+    worker.report({"slow": True})
+    worker.query = Query(_people(worker, stored, name)[0], worker.settings, top)
+
+
+def find(worker: Worker, name: str, stored: str) -> dict[str, Any]:
+    """The places in a stored input that are among the nearest of all that this worker has searched.
+
+    A dict of ``hits``, ``notes``, ``frames``, ``warped`` and the ``code`` and ``message`` of an error.
+    """
+    assert worker.query is not None, "open_query comes first"
+    query, before = worker.query, (worker.query.frames, worker.query.warped)
+    found: dict[str, Any] = {"hits": [], "notes": [], "code": "", "message": ""}
+    worker.report({"slow": True})
+    for pose in _people(worker, stored, name):
+        try:
+            hits, note = query.search(pose, worker.alive)
+        except ConfigError:
+            raise
+        except GestureError as error:
+            found |= {"code": error.code, "message": error.message}
+            continue
+        found["hits"] += [asdict(hit) for hit in hits]
+        found["notes"] += [note] if note else []
+    found["frames"], found["warped"] = query.frames - before[0], query.warped - before[1]
+    return found
+
+
 def cut(
     worker: Worker, path: str, sha256: str, clips: Sequence[Mapping[str, Any]], sound: bool
 ) -> list[dict[str, Any]]:
@@ -209,8 +264,8 @@ def write_rows(worker: Worker, run: str, format: str, path: str) -> None:
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        try_model, extract, accepts, refusal, members, open_classifier, add_example, fit, open_fitted, decide,
-        keep_distances, spot, cut, suffix, write_rows,
+        try_model, extract, lasts, accepts, refusal, members, open_classifier, add_example, fit, open_fitted,
+        decide, keep_distances, spot, open_query, find, cut, draw_previews, suffix, write_rows,
     )
 }  # fmt: skip
 """Every function that a task may name; each takes the `Worker` and the task's arguments."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
-from gesture_core.files import content_sha256, stamp, tree_sha256, without_cache
+from gesture_core.files import content_sha256, stamp, switched_on, tree_sha256
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import Job, VideoLimits
 from gesture_core.run.store import mark_used, read_keypoints, write_keypoints
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import KeypointReader, PoseBackend, Video
-    from gesture_core.video.frames import Picture
+    from gesture_core.video.reader import Picture
 
 _REPORT_SECONDS = 0.5
 _OFTEN = 1 / 3
 """Share of the frames from which other people are worth a note."""
 _OTHERS = (
     "other people are visible in a third of the frames or more; the one who is seen best is taken "
-    "(pose.people=multi takes all)"
+    "(--set pose.people=multi takes all)"
 )
 
 
@@ -132,6 +132,7 @@ class KeypointExtractor:
         self._settings = settings
         self._report = report
         self._hashed: tuple[Path, str, str] = (Path(), "", "")
+        self._readers: dict[str, KeypointReader] = {}
 
     def __call__(self, path: Path, member: str, reader: str) -> Extracted:
         """What came of an input; ``reader`` names its keypoint reader, and is empty for a video.
@@ -163,7 +164,7 @@ class KeypointExtractor:
 
     def _from_store(self, name: str, found: Extracted) -> Extracted | None:
         path = Path(self._job.store) / name
-        if without_cache() or not path.is_file():
+        if switched_on("GESTURE_NO_CACHE") or not path.is_file():
             return None
         try:
             stored = read_keypoints(path)
@@ -230,12 +231,13 @@ class KeypointExtractor:
             stored = read_keypoints(path)
             sequences, known = stored.sequences, dict(stored.facts)
         else:
-            reader = open_reader(name, self._settings)
+            reader = self.reader(name)
             with calling(registry().find("reader", name), passing=(OSError,)):
                 sequences = [_checked(sequence) for sequence in reader.read(path, member)]
-            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
+        if name != "store":
+            odd = [note for sequence in sequences for note in check_plausible(sequence)]
         if pose.people == "single" and len(sequences) > 1:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
             sequences = [replace(best, person=0)]
@@ -251,16 +253,27 @@ class KeypointExtractor:
             )
         seconds = max((float(s.times[-1] - s.times[0]) for s in sequences if len(s)), default=0.0)
         lost = sorted({s.provenance["lost"] for s in sequences if "lost" in s.provenance})
+        unread = max((int(s.provenance.get("lost_frames", 0)) for s in sequences), default=0)
         facts: dict[str, Any] = {
             "frames_declared": None,
-            "frames_read": frames,
-            "frames_looked_at": frames,
+            "frames_read": frames - unread,
+            "frames_looked_at": frames - unread,
             "complete": not lost,
             "notes": list(dict.fromkeys([*lost, *(note for one in sequences for note in _notes(one)), *odd])),
             "seconds": seconds,
             "assumed": str(sequences[0].provenance.get("assumed", "")) if sequences else "",
         }
         return sequences, facts | known
+
+    def reader(self, name: str) -> KeypointReader:
+        """A keypoint reader with what the settings say of its files, constructed once."""
+        if name not in self._readers:
+            offered = {"options": self._settings.keypoints, "people": self._settings.pose.people}
+            taken = {key: one for key, one in offered.items() if registry().takes("reader", name, key)}
+            self._readers[name] = registry().make(
+                "reader", name, self._settings.plugin_options(name), **taken
+            )
+        return self._readers[name]
 
     @cached_property
     def backend(self) -> PoseBackend:
@@ -273,14 +286,6 @@ class KeypointExtractor:
         for module in ("cv2", *registry().find("video", reader).needs):
             import_module(module)  # now, so that the first video does not seem to stand still
         return open_backend(self._settings, self._job.threads)
-
-
-def open_reader(name: str, settings: Settings) -> KeypointReader:
-    """A keypoint reader with what the settings say of its files."""
-    offered = {"options": settings.keypoints, "people": settings.pose.people}
-    taken = {key: one for key, one in offered.items() if registry().takes("reader", name, key)}
-    reader: KeypointReader = registry().make("reader", name, settings.plugin_options(name), **taken)
-    return reader
 
 
 def _checked(sequence: object) -> PoseSequence:
@@ -362,7 +367,7 @@ class _Looked:
         """What a clock that stands still means for what is looked at."""
         return (
             f"{self.repeated} frames have the time of the one before, and pose.rate looks at one of them; "
-            "try: video.fps=RATE, or pose.rate=none"
+            "try: --set video.fps=RATE, or --set pose.rate=none"
         )
 
     def flush(self) -> None:

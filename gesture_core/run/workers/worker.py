@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from gesture_core.run.workers.decision import Decider
     from gesture_core.run.workers.keypoints import KeypointExtractor
     from gesture_core.settings import Settings
+    from gesture_core.spot.find import Query
 
 _RESERVED = 1024
 """MiB of addresses that libraries reserve and hardly use: allocators' arenas, stacks of threads."""
@@ -46,6 +47,8 @@ class Worker:
     def __init__(self, job: Job, report: Callable[[dict[str, Any]], None]) -> None:
         self.job = job
         self.report = report
+        self.query: Query | None = None
+        """What is looked for, from the function ``open_query`` on."""
 
     @cached_property
     def settings(self) -> Settings:

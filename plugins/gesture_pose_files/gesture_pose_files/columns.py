@@ -212,7 +212,7 @@ def _numbered(numbers: list[int], options: ReadOptions, source: str) -> Skeleton
         raise KeypointError(
             f"numbers {count} joints from {numbers[0]} to {numbers[-1]}{said}, which is no known skeleton",
             subject=source,
-            remedy="keypoints.order with a skeleton, or the names of the joints",
+            remedy="--set keypoints.order=… with a skeleton, or the names of the joints",
             code="E_KEYPOINTS_SKELETON",
         )
     return body

@@ -220,7 +220,7 @@ def _no_table(cells: Sequence[str], source: str) -> KeypointError:
         f"is no keypoint table: its header {_quoted(','.join(cells))} names no joints, "
         "and is no row of keypoints",
         subject=source,
-        remedy="columns time, nose_x, nose_y, …; rows of x, y in COCO order; or keypoints.order",
+        remedy="columns time, nose_x, nose_y, …; rows of x, y in COCO order; or --set keypoints.order=…",
         code="E_KEYPOINTS_FORMAT",
     )
 

@@ -143,7 +143,7 @@ def sequence(
     if percent and options.unit == "shares":
         points, notes = points / np.float32(_PERCENT), [*notes, "shares are percent"]
     elif percent and not (unit or own or options.unit):
-        notes = [*notes, "no coordinate is above 100: keypoints.unit=shares where they are percent"]
+        notes = [*notes, "no coordinate is above 100: --set keypoints.unit=shares where they are percent"]
     unit = unit or (judged if own else options.unit or judged)
     size = frame_size or options.picture if unit == "shares" else None
     if size:
@@ -208,7 +208,7 @@ def _three_axes(array: np.ndarray, options: ReadOptions, body: Skeleton | None, 
         raise KeypointError(
             f"an array of shape {array.shape} is of no known keypoint layout",
             subject=source,
-            remedy=f"{wanted}, or keypoints.order with its joints",
+            remedy=f"{wanted}, or --set keypoints.order=… with its joints",
             code="E_KEYPOINTS_SHAPE",
         )
     return array if array.ndim == 3 else array.reshape(len(array), *flat_widths(options)[array.shape[1]])

@@ -98,7 +98,7 @@ def with_lost(pose: PoseSequence, lost: Sequence[KeypointError]) -> PoseSequence
     if not lost:
         return pose
     cause = f"{len(lost)} of {len(pose)} frames cannot be read: {lost[0].subject}: {lost[0].cause}"
-    return replace(pose, provenance={**pose.provenance, "lost": cause})
+    return replace(pose, provenance={**pose.provenance, "lost": cause, "lost_frames": str(len(lost))})
 
 
 def clip_called(member: str, found: Mapping[str, Clip], path: Path, what: str = "clips") -> Clip:

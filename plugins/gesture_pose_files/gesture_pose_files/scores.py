@@ -44,7 +44,7 @@ def in_unit(scores: np.ndarray, points: np.ndarray, source: str) -> tuple[np.nda
         raise KeypointError(
             f"the last value of each joint runs from {low:g} to {high:g}, which is no score",
             subject=source,
-            remedy="x, y and a score in 0..1; keypoints.unit=metres where it is a depth",
+            remedy="x, y and a score in 0..1; --set keypoints.unit=metres where it is a depth",
             code="E_KEYPOINTS_VALUE",
         )
     if high == 2 and np.isin(known, (0, 1, 2)).all():

@@ -34,7 +34,7 @@ class OnnxBackend(NetworkBackend):
 
     def open(self, data: bytes) -> None:
         subject = str(self.model.path)
-        if self.header is None:
+        if self.model.path.suffix.lower() != ".onnx":
             raise ModelError(
                 f"onnxruntime reads ONNX, not {self.model.path.suffix}",
                 subject=subject,
@@ -60,7 +60,7 @@ class OnnxBackend(NetworkBackend):
             raise ModelError(
                 f"onnxruntime has {self.device}, but cannot load its libraries",
                 subject=subject,
-                remedy="pose.provider=cpu, or the libraries of that provider",
+                remedy="--set pose.provider=cpu, or the libraries of that provider",
                 code="E_PROVIDER",
             )
         self._input = self._session.get_inputs()[0].name

@@ -43,14 +43,15 @@ class OpenCvBackend(NetworkBackend):
     def open(self, data: bytes) -> None:
         content = np.frombuffer(data, np.uint8)
         try:
-            if self.header is not None:
-                self._net = cv2.dnn.readNetFromONNX(content)
-            elif self.model.path.suffix.lower() == ".tflite":
-                self._net = cv2.dnn.readNetFromTFLite(content)
-            elif self.model.path.suffix.lower() == ".pb":
-                self._net = cv2.dnn.readNetFromTensorflow(content)
-            else:
-                self._net = self._caffe(content)
+            match self.model.path.suffix.lower():
+                case ".onnx":
+                    self._net = cv2.dnn.readNetFromONNX(content)
+                case ".tflite":
+                    self._net = cv2.dnn.readNetFromTFLite(content)
+                case ".pb":
+                    self._net = cv2.dnn.readNetFromTensorflow(content)
+                case _:
+                    self._net = self._caffe(content)
         except cv2.error as error:
             raise self._refused("load it", error) from error
         backend, target = _TARGETS[self.device]
@@ -59,7 +60,7 @@ class OpenCvBackend(NetworkBackend):
         if self.threads:
             cv2.setNumThreads(self.threads)
         # OpenCV lists outputs in an order of its own; that of the file tells x from y.
-        declared = tuple(tensor.name for tensor in self.header.outputs) if self.header else ()
+        declared = [tensor.name for tensor in self.declared(data)[1]]
         found = self._net.getUnconnectedOutLayersNames()
         self._outputs = declared if set(declared) == set(found) else found
 

@@ -121,7 +121,7 @@ class UprightNormalizer:
             raise PoseError(
                 "neither torso nor shoulders show which way is up",
                 subject=pose.source,
-                remedy="signals.normalizer=torso",
+                remedy="--set signals.normalizer=torso",
                 code="E_POSE_SCALE",
             )
         right, down = (-up[1] / length, up[0] / length), (-up[0] / length, -up[1] / length)
@@ -173,7 +173,7 @@ def _relative_to_neck(pose: PoseSequence) -> np.ndarray:
         raise PoseError(
             "the neck is missing, or seen too seldom, so that the body has no origin",
             subject=pose.source,
-            remedy="another normalizer (signals.normalizer), or a clip in which the neck is seen",
+            remedy="another --set signals.normalizer=…, or a clip in which the neck is seen",
             code="E_POSE_SCALE",
         )
     relative: np.ndarray = points - neck
@@ -216,7 +216,7 @@ def _trusted(pose: PoseSequence, lengths: np.ndarray, floor: float, what: str) -
         raise PoseError(
             f"the {what} is missing, seen too seldom, or zero, so that the body has no scale",
             subject=pose.source,
-            remedy="another normalizer (signals.normalizer), or a clip in which these joints are seen",
+            remedy="another --set signals.normalizer=…, or a clip in which these joints are seen",
             code="E_POSE_SCALE",
         )
     middle = float(np.median(usable))

@@ -24,7 +24,6 @@ from gesture_core.errors import MissingDependencyError
 from gesture_core.records import VideoInfo, VideoLimits
 from gesture_core.video import UNTIMED, Integrity, LazyPicture, VideoDecoder
 from gesture_video.decoder_log import DecoderLog, errors_are_logged
-from gesture_video.streams import Lengths, choose_stream, count_packets, tagged_frames
 
 if TYPE_CHECKING:
     from av.container import InputContainer
@@ -32,6 +31,8 @@ if TYPE_CHECKING:
     from av.sidedata.sidedata import SideDataContainer
     from av.video.frame import VideoFrame
     from av.video.stream import VideoStream
+
+    from gesture_video.streams import Lengths
 
 _OLDEST = 15
 # A demuxer that fails this often in a row has lost its place for good.
@@ -101,12 +102,18 @@ class PyAvDecoder(VideoDecoder):
             width=frame.width,
             height=frame.height,
             codec=stream.codec_context.codec.canonical_name,
-            declared=stream.frames or tagged_frames(stream),
+            declared=stream.frames or self._tagged(),
             rates=[float(rate or 0) for rate in rates],
             rotation=rotation,
             mirrored=mirrored,
             pixel_aspect=(ratio.numerator, ratio.denominator) if ratio else (1, 1),
         )
+
+    def _tagged(self) -> int:
+        """The number of frames where the container has no room for it, but perhaps a tag."""
+        from gesture_video.streams import tagged_frames
+
+        return tagged_frames(self._stream)
 
     def _opened(self, file: BinaryIO) -> InputContainer:
         import av
@@ -120,9 +127,22 @@ class PyAvDecoder(VideoDecoder):
             container_options={"max_streams": str(self.limits.max_streams)},
         )
 
+    def _chosen(self) -> tuple[VideoStream | None, str]:
+        """The stream that is the clip, and a note where there are several."""
+        from av.stream import Disposition
+
+        streams = self._container.streams.video
+        if len(streams) == 1 and not streams[0].disposition & ~Disposition.default:
+            return streams[0], ""
+        from gesture_video.streams import choose_stream
+
+        return choose_stream(self._container, self._lengths)
+
     def _lengths(self) -> Lengths:
         """Frames and seconds of the streams, counted; what is damaged is found when they are decoded."""
         import av
+
+        from gesture_video.streams import count_packets
 
         damage = (av.error.FFmpegError, ValueError, ArithmeticError, OSError)
         with (
@@ -145,7 +165,7 @@ class PyAvDecoder(VideoDecoder):
         if not len(streams):
             raise self.error("its container holds no stream at all", "E_MEDIA_BROKEN")
         with self._decoder_log.call(fatal=True):
-            stream, note = choose_stream(self._container, self._lengths)
+            stream, note = self._chosen()
         if note:
             self.log.note(note)
         if stream is None:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from gesture_core import colours
 from gesture_core.errors import MediaError
 from gesture_core.files import replacing
-from gesture_core.report import style
 from gesture_core.skeletons import Skeleton, skeleton
 from gesture_core.types import PoseSequence
-from gesture_core.video.frames import room_around
+from gesture_core.video.writer import room_around
 
 Colour = tuple[int, int, int]
 """Blue, green and red."""
@@ -22,8 +22,8 @@ def _colour(text: str) -> Colour:
     return int(text[5:7], 16), int(text[3:5], 16), int(text[1:3], 16)
 
 
-_SIDES = {"right": _colour(style.RIGHT), "left": _colour(style.LEFT), "middle": _colour(style.MIDDLE)}
-_PEOPLE = tuple(map(_colour, (style.GREEN, style.VERMILLION, style.PURPLE, style.BLUE, style.GREY)))
+_SIDES = {"right": _colour(colours.RIGHT), "left": _colour(colours.LEFT), "middle": _colour(colours.MIDDLE)}
+_PEOPLE = tuple(map(_colour, (colours.GREEN, colours.VERMILLION, colours.PURPLE, colours.BLUE, colours.GREY)))
 """One colour for each person, in turn."""
 _SAME = 0.0005
 """Seconds below which two times are one: less than half a frame at the fastest rate that is read."""

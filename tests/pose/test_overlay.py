@@ -11,7 +11,7 @@ from tiny_networks import FIGURE, GREY, dot_network, dot_picture
 
 from gesture_core.cli.main import run
 from gesture_core.errors import MediaError
-from gesture_core.report.overlay import cropped, draw_pose, overlay, side_colour, write_strip
+from gesture_core.pose.overlay import cropped, draw_pose, overlay, side_colour, write_strip
 from gesture_core.skeletons import COCO18, SKELETONS
 from gesture_core.types import PoseSequence
 from gesture_core.video.writer import write_video

@@ -1,14 +1,19 @@
-"""Joints from heat maps, and people from heat maps and part-affinity fields.
+"""Several people: told apart in one picture by part-affinity fields, and followed from frame to frame.
 
-A heat map is high where its joint is; its peaks are refined below the size of a cell. A field of a limb
-points from its first joint to its second wherever the limb is, so that a pair of peaks belongs together
-as far as the field along the straight line between them points the same way (Cao et al. 2017, "Realtime
-Multi-Person 2D Pose Estimation using Part Affinity Fields").
+The field of a limb points from its first joint to its second wherever the limb is, so that a pair of peaks
+belongs together as far as the field along the straight line between them points the same way (Cao et al.
+2017, "Realtime Multi-Person 2D Pose Estimation using Part Affinity Fields").
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
 import numpy as np
+
+from gesture_core.pose.decode import LEAST_SCORE, find_peaks
+from gesture_core.types import Person
 
 # Of the assembly of people; the figures are OpenPose's where it names one.
 ALONG = 0.05
@@ -17,9 +22,7 @@ SHARE = 0.8
 """Share of samples on the line between two joints that must be along the limb."""
 SAMPLES = 10
 LEAST_JOINTS = 4
-LEAST_SCORE = 0.2
-"""Least number of joints of a person, and their least mean score."""
-_FLOOR = 1e-4
+"""Joints of a person."""
 
 LIMBS: dict[str, tuple[tuple[int, int], ...]] = {
     "coco18": (
@@ -37,85 +40,6 @@ LIMBS: dict[str, tuple[tuple[int, int], ...]] = {
     ),
 }  # fmt: skip
 """Joints of each limb in the channel order of the fields: channels 2k (x) and 2k + 1 (y) are limb k's."""
-
-
-def find_peaks(maps: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """All local maxima above ``floor``.
-
-    A cell is a maximum where it exceeds its left and upper neighbours and no other neighbour
-    exceeds it, so that of two equal cells exactly one counts. NaN is never a maximum.
-
-    Parameters
-    ----------
-    maps : (N, J, h, w) float array
-    floor : float
-
-    Returns
-    -------
-    picture, joint : (P,) int arrays
-    points : (P, 2) float32
-        x, y in cells, counted from the centre of the first cell.
-    scores : (P,) float32
-        Height of the peak, clipped to 0..1.
-    """
-    high, wide = maps.shape[2:]
-    # Few cells are above the floor, so that looking at their neighbours costs less than comparing maps.
-    chosen = np.flatnonzero(maps > floor)
-    n, j, y, x = np.unravel_index(chosen, maps.shape)
-    row = wide + 2  # with a border below every cell, so that neighbours need no test of the edge
-    framed = np.full((*maps.shape[:2], high + 2, row), -np.inf, maps.dtype)
-    framed[:, :, 1:-1, 1:-1] = maps
-    cells = framed.reshape(-1)
-    place = chosen // (high * wide) * (high + 2) * row + (y + 1) * row + x + 1
-    here = cells[place]
-    peak = np.ones(len(n), bool)
-    for step in (-row - 1, -row, -row + 1, -1, 1, row - 1, row, row + 1):
-        beside = cells[place + step]
-        # Written so that a neighbour that is NaN does not count.
-        peak &= ~(here <= beside) if step < 0 else ~(here < beside)
-    place, y, x = place[peak], y[peak], x[peak]
-    # The peak of a Gaussian is the vertex of the parabola through the logarithms of three neighbouring
-    # cells, exactly; at the border of a map the cell itself is kept.
-    dx = np.where((x > 0) & (x < wide - 1), _vertex(cells, place, 1), 0)
-    dy = np.where((y > 0) & (y < high - 1), _vertex(cells, place, row), 0)
-    points = np.stack([x + dx, y + dy], axis=-1).astype(np.float32)
-    return n[peak], j[peak], points, np.clip(cells[place], 0, 1).astype(np.float32)
-
-
-def _vertex(cells: np.ndarray, place: np.ndarray, step: int) -> np.ndarray:
-    """How far the vertex of the parabola lies from the cell at ``place``, in cells."""
-    near = place + np.array([[-step], [0], [step]])
-    a, b, c = np.log(np.maximum(cells[near], _FLOOR))
-    curve = a - 2 * b + c
-    flat = ~(curve < -1e-6)  # NaN too: then the cell itself is kept
-    return np.clip(np.where(flat, 0, (a - c) / np.where(flat, 1, 2 * curve)), -0.5, 0.5)
-
-
-def top_peaks(maps: np.ndarray, count: int, floor: float) -> np.ndarray:
-    """The highest peaks of each map.
-
-    Parameters
-    ----------
-    maps : (N, J, h, w) float array
-    count : int
-    floor : float
-        Lower peaks are left out.
-
-    Returns
-    -------
-    (N, J, count, 3) float32
-        x, y in cells and the score, the highest first; NaN, NaN, 0 beyond the last peak.
-    """
-    n, j, points, scores = find_peaks(maps, floor)
-    order = np.lexsort((-scores, j, n))
-    map_of = (n * maps.shape[1] + j)[order]
-    rank = np.arange(len(order)) - np.searchsorted(map_of, map_of)
-    found = np.full((*maps.shape[:2], count, 3), np.nan, np.float32)
-    found[..., 2] = 0
-    order, rank = order[rank < count], rank[rank < count]
-    found[n[order], j[order], rank, :2] = points[order]
-    found[n[order], j[order], rank, 2] = scores[order]
-    return found
 
 
 def limb_scores(field: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -226,3 +150,88 @@ def _people(
                 people[joined][place] = new
                 owner[new] = joined
     return [person for person in people if (person >= 0).any()]
+
+
+@dataclass
+class _Track:
+    """One person so far: the numbers of the first and the last frame, and the latest place of each joint."""
+
+    first: int
+    last: int
+    latest: np.ndarray
+    points: list[np.ndarray] = field(default_factory=list)
+    scores: list[np.ndarray] = field(default_factory=list)
+
+
+class Tracker:
+    """Joins the people of each frame into tracks over time, by the distance of the joints that both show.
+
+    Parameters
+    ----------
+    joints : int
+    reach : float
+        A person continues a track within this distance, in units of the person's extent.
+    patience : int
+        Frames for which a track may be unseen and still go on.
+    shortest : int
+        Tracks seen in fewer frames are dropped as false finds.
+    """
+
+    def __init__(self, joints: int, reach: float = 0.35, patience: int = 15, shortest: int = 5) -> None:
+        self.joints = joints
+        self.reach = reach
+        self.patience = patience
+        self.shortest = shortest
+        self._frame = 0
+        self._open: list[_Track] = []
+        self._closed: list[_Track] = []
+
+    def add(self, people: Sequence[Person]) -> None:
+        """Take the people of the next frame."""
+        from scipy.optimize import linear_sum_assignment
+
+        self._close(self._frame - self.patience)
+        cost = np.full((len(self._open), len(people)), 1e6)
+        for i, track in enumerate(self._open):
+            for j, person in enumerate(people):
+                cost[i, j] = _distance(track.latest, person.keypoints)
+        track_of: dict[int, _Track] = {}
+        for i, j in zip(*linear_sum_assignment(cost), strict=True):
+            if cost[i, j] <= self.reach:
+                track_of[int(j)] = self._open[i]
+        for j, person in enumerate(people):
+            if j not in track_of:
+                track_of[j] = _Track(self._frame, self._frame, np.full((self.joints, 2), np.nan))
+                self._open.append(track_of[j])
+            track = track_of[j]
+            missed = self._frame - track.first - len(track.points)
+            track.points += [np.full((self.joints, 2), np.nan, np.float32)] * missed + [person.keypoints]
+            track.scores += [np.zeros(self.joints, np.float32)] * missed + [person.scores]
+            track.last = self._frame
+            # A joint that is hidden now is remembered where it was last seen.
+            track.latest = np.where(np.isnan(person.keypoints), track.latest, person.keypoints)
+        self._frame += 1
+
+    def tracks(self) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """(first frame, keypoints (T, J, 2), scores (T, J)) of each track, the largest sum first."""
+        self._close(self._frame)
+        return [
+            (track.first, np.stack(track.points), np.stack(track.scores))
+            for track in sorted(self._closed, key=lambda t: (-float(np.sum(t.scores)), t.first))
+        ]
+
+    def _close(self, before: int) -> None:
+        """Set the tracks aside that were last seen before a frame."""
+        over = [track for track in self._open if track.last < before]
+        self._open = [track for track in self._open if track.last >= before]
+        shortest = min(self.shortest, self._frame)
+        self._closed += [t for t in over if sum(s.any() for s in t.scores) >= shortest]
+
+
+def _distance(one: np.ndarray, two: np.ndarray) -> float:
+    """Mean distance of common joints over the extent of the larger person; large where none is common."""
+    common = ~np.isnan(one[:, 0]) & ~np.isnan(two[:, 0])
+    if not common.any():
+        return 1e6
+    extent = max(float(np.nanmax(np.ptp(p[~np.isnan(p[:, 0])], axis=0))) for p in (one, two))
+    return float(np.linalg.norm(one[common] - two[common], axis=1).mean()) / max(extent, 1.0)
