@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from gesture_core.classify.known import KnownDistances, mark_of
+from gesture_core.classify.known import KnownDistances, mark_all
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.settings import Settings
 from gesture_core.signals.mirror import mirrored
@@ -80,65 +80,52 @@ class Comparison:
     ) -> None:
         check_settings(settings)
         check_alike(examples, "example")
-        self._examples, self._settings = examples, settings
-        self._known = known if isinstance(examples[0], Signals) else None
-        self._marks = (
-            [] if self._known is None else [mark_of(item) for item in examples if isinstance(item, Signals)]
-        )
+        self._examples, self._settings, self._known = examples, settings, known
+        self._moving = ~np.fromiter(map(is_still, examples), bool)
+        self._marks = [] if known is None else mark_all(examples)
         self._made: dict[bytes, list[_Reading]] = {}
 
     def distances(self, queries: Sequence[Series]) -> np.ndarray:
         """(Q, N) distances; infinity where a pair has no dimension in common."""
         check_alike(queries, "query", self._examples[0])
-        if self._known is None:
+        if not self._marks:
             return self._computed(queries, np.arange(len(self._examples)))
-        marks = [mark_of(item) for item in queries if isinstance(item, Signals)]
-        found = self._known.find(marks, self._marks)
-        unknown = np.isnan(found)
-        patterns, which = np.unique(unknown, axis=0, return_inverse=True)
-        for number, pattern in enumerate(patterns):
-            rows, columns = np.flatnonzero(which.reshape(-1) == number), np.flatnonzero(pattern)
-            if len(columns):
-                found[np.ix_(rows, columns)] = self._computed([queries[i] for i in rows.tolist()], columns)
-        if unknown.any():
-            self._known.learn(marks, self._marks, found)
-        return found
+        assert self._known is not None
+        return self._known.completed(queries, self._marks, self._computed)
 
     def _computed(self, queries: Sequence[Series], columns: np.ndarray) -> np.ndarray:
         """(Q, M) distances to the examples at ``columns``."""
         from gesture_core.dtw.distances import warping_distances
 
-        settings, examples = self._settings, [self._examples[i] for i in columns]
-        chosen = settings.classify
-        if not isinstance(examples[0], Signals):
-            return warping_distances(queries, examples, settings.dtw, chosen.kernel, settings.options)
+        settings = self._settings
+        if not isinstance(self._examples[0], Signals):
+            return warping_distances(
+                queries, self._examples, settings.dtw, settings.classify.kernel, settings.options
+            )
         own = comparable(queries, settings)
         batch, extents = SignalBatch.of(own, name="query"), Extents.of(own)
-        distances = np.full((len(own), len(examples)), np.inf)
+        distances = np.full((len(own), len(columns)), np.inf)
         for reading in self._readings(columns):
-            found = reading.warped(batch, extents)
-            if chosen.coverage or chosen.relative is not None:
-                found = divided(found, pair_divisors(extents, reading.extents, settings))
-            distances = np.minimum(distances, reading.factor * found)
+            by = pair_divisors(extents, reading.extents, settings)
+            distances = np.minimum(distances, reading.factor * divided(reading.warped(batch, extents), by))
         if settings.signals.still == "posture":
             # A person who stands still makes no gesture, so only still examples fit.
-            still = np.array([is_still(item) for item in queries])
-            moving = np.array([not is_still(item) for item in examples])
-            distances = np.where(still[:, None] & moving, np.inf, distances)
+            still = np.fromiter(map(is_still, queries), bool)
+            distances = np.where(still[:, None] & self._moving[columns], np.inf, distances)
         return distances
 
     def _readings(self, columns: np.ndarray) -> list[_Reading]:
         """What the examples at ``columns`` stand for, made once for each choice of columns."""
-        if columns.tobytes() not in self._made:
+        found = self._made.get(columns.tobytes())
+        if found is None:
             others = comparable([self._examples[i] for i in columns], self._settings)
-            factor = self._settings.classify.mirror
-            readings = [_Reading(others, 1.0, self._settings)]
+            found, factor = [_Reading(others, 1.0, self._settings)], self._settings.classify.mirror
             if factor is not None:
-                readings.append(_Reading([mirrored(item) for item in others], factor, self._settings))
+                found.append(_Reading(list(map(mirrored, others)), factor, self._settings))
             if len(self._made) == _CHOICES:
                 self._made.clear()
-            self._made[columns.tobytes()] = readings
-        return self._made[columns.tobytes()]
+            self._made[columns.tobytes()] = found
+        return found
 
 
 def check_settings(settings: Settings) -> None:
@@ -198,12 +185,11 @@ def is_still(item: Series) -> bool:
 
 def comparable(series: Sequence[Series], settings: Settings) -> list[Signals]:
     """Signals with every channel of the still ones selected, where these count as postures."""
-    postures = settings.signals.still == "posture"
-    return [
-        replace(item, mask=np.ones(len(item.channels), bool)) if postures and is_still(item) else item
-        for item in series
-        if isinstance(item, Signals)
-    ]
+    found = [item for item in series if isinstance(item, Signals)]
+    if settings.signals.still != "posture":
+        return found
+    whole = np.ones(len(found[0].channels) if found else 0, bool)
+    return [replace(item, mask=whole) if is_still(item) else item for item in found]
 
 
 def takes_parts(settings: Settings) -> bool:
@@ -232,9 +218,10 @@ class _Reading:
         self.factor, self.extents = factor, Extents.of(series)
         self._spec, self._batch = settings.dtw, SignalBatch.of(series, name="example")
         self._name, self._kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)
-        self._states: list[tuple[list[int], Any]] = []
-        self._channels = series[0].channels
         self._separate = takes_parts(settings)
+        channels = series[0].channels
+        self._parts = list(parts(channels).values()) if self._separate else [list(range(len(channels)))]
+        self._states: list[Any] = []
 
     def warped(self, queries: SignalBatch, extents: Extents) -> np.ndarray:
         """(Q, N) warping distances, infinite where a pair has no channel in common.
@@ -249,11 +236,17 @@ class _Reading:
         check_batches(queries, self._batch, self._spec, bare=False)
         total = np.zeros((len(queries), len(self._batch)))
         met = np.zeros(total.shape, bool)
-        for part, state in self._prepared():
+        for place, part in enumerate(self._parts):
             asked, examples = _channels(queries, part), _channels(self._batch, part)
-            found = check_distances(
-                np.asarray(self._kernel.distances(state, asked)), asked, examples, self._name
-            )
+            if len(self._states) == place:  # what the kernel keeps of the examples
+                weights = self._spec.weights
+                own = self._spec.replace(
+                    weights=None if weights is None else tuple(weights[i] for i in part),
+                    reduce="sum" if self._separate else self._spec.reduce,
+                )
+                self._states.append(self._kernel.prepare(examples, own))
+            found = np.asarray(self._kernel.distances(self._states[place], asked))
+            found = check_distances(found, asked, examples, self._name)
             if not self._separate:
                 return found
             finite = np.isfinite(found)
@@ -262,16 +255,6 @@ class _Reading:
         if self._spec.reduce == "mean":
             total /= np.maximum(common_sum(extents, self.extents, 1.0, 1.0), 1)
         return np.where(met, total, np.inf)
-
-    def _prepared(self) -> list[tuple[list[int], Any]]:
-        """The channels of each warping, and what the kernel keeps of the examples for it."""
-        if not self._states:
-            every, spec = list(range(len(self._channels))), self._spec
-            for part in parts(self._channels).values() if self._separate else [every]:
-                weights = None if spec.weights is None else tuple(spec.weights[i] for i in part)
-                own = spec.replace(weights=weights, reduce="sum") if self._separate else spec
-                self._states.append((part, self._kernel.prepare(_channels(self._batch, part), own)))
-        return self._states
 
 
 def _channels(batch: SignalBatch, part: list[int]) -> SignalBatch:

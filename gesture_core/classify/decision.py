@@ -10,9 +10,10 @@ import numpy as np
 
 from gesture_core.classify.comparison import is_still
 from gesture_core.classify.examples import ExampleLibrary
-from gesture_core.classify.learning import ExampleWeights
-from gesture_core.errors import ConfigError
+from gesture_core.classify.learning import ExampleWeights, learn_weights
+from gesture_core.errors import ConfigError, InputError
 from gesture_core.records import Prediction
+from gesture_core.settings import ClassifySettings
 from gesture_core.types import Neighbors, Signals, Status
 
 # Scores are sums in an order that a library's blocking may change; what is shown is rounded to hide it,
@@ -21,6 +22,11 @@ _DECIMALS = 6
 _EQUAL = 1e-9
 # Classes whose nearest example is named beside an answer of weighted examples.
 _NAMED = 3
+_GRID = np.geomspace(1e-3, 1e3, 181)
+"""Temperatures that are tried, in units of the usual lead of the best score."""
+_MOST = 200
+"""Times that examples are left out; of more examples, several are left out together."""
+_LEAST = 1e-12
 # Share of frames with a repaired joint from which on a prediction says so.
 _MANY = 0.1
 # Status and message of a query that no example could be compared with.
@@ -52,25 +58,38 @@ class Votes:
         Distance to the nearest example of any other class minus ``distances``: infinite where no
         other class can be compared, negative where a vote of several neighbours overruled the
         nearest one. With weights, the lead of the winner's score over the next.
-    order : (Q, C) int64, optional
-        With weights, the classes, best first.
+    order : (Q, C) int64
+        The classes, best first; those that cannot be compared come last.
+    scores : (Q, C) float
+        Of each class, highest for the winner: with weights the sum of what all examples add, about 1 for the
+        right class and 0 for others; of the nearest example alone, minus the distance to the nearest one of
+        each class; of several, the votes of a class, less d / (1 + d) of that distance. Minus infinity
+        where no example of a class can be compared with the query.
+    chances : (Q,) float, optional
+        Probability that the winner is right, if the query is one of the classes at all.
     """
 
     winners: np.ndarray
     distances: np.ndarray
     margins: np.ndarray
-    order: np.ndarray | None = None
+    order: np.ndarray
+    scores: np.ndarray
+    chances: np.ndarray | None = None
 
 
 def votes_of(
-    distances: np.ndarray, codes: np.ndarray, classes: int, k: int = 1, weights: ExampleWeights | None = None
+    distances: np.ndarray,
+    codes: np.ndarray,
+    classes: int,
+    k: int = 1,
+    weights: ExampleWeights | None = None,
+    temperature: float | None = None,
 ) -> Votes:
     """The class with the highest score under ``weights``, or the majority of the ``k`` nearest examples.
 
-    Of equal scores the class whose nearest example is nearer wins, then the first one. In a vote
-    (Cover and Hart 1967) equal counts go to the class whose nearest example is nearer, then to the
-    one whose nearest example comes first. Examples at an infinite distance have no vote, and NaN
-    counts as infinity.
+    In both, and in a vote (Cover and Hart 1967), what is equal goes to the class whose nearest example is
+    nearer, then to the one whose nearest example comes first. Examples at an infinite distance have no vote,
+    and NaN counts as infinity.
 
     Parameters
     ----------
@@ -80,80 +99,47 @@ def votes_of(
     classes, k : int
     weights : ExampleWeights, optional
         Learned from these N examples.
+    temperature : float, optional
+        Of these examples (`temperature_of`), for the probabilities.
     """
     distances = np.where(np.isnan(distances), np.inf, distances)
     nearest: np.ndarray = np.full((len(distances), classes), np.inf)
-    for code in range(classes):
-        nearest[:, code] = distances[:, codes == code].min(axis=1, initial=np.inf)
+    firsts = np.full((len(distances), classes), len(codes))
     rows = np.arange(len(distances))
-    if weights is not None:
-        order, leads = _ranking(weights, distances, nearest)
-        found = np.isfinite(nearest[rows, order[:, 0]])
-        own = np.where(found, nearest[rows, order[:, 0]], np.inf)
-        return Votes(np.where(found, order[:, 0], -1), own, leads, order)
-    near = k_nearest(distances, k)
-    winners = np.full(len(rows), -1, np.int64)
-    for query, indices in enumerate(near.indices):
-        voters = codes[indices[np.isfinite(near.distances[query])]]
-        if len(voters):
-            # Voters are ordered by distance, then index: of equal counts the first one's class wins.
-            winners[query] = voters[np.bincount(voters)[voters].argmax()]
-    found = winners >= 0
-    own = np.where(found, nearest[rows, winners], np.inf)
-    nearest[rows, winners] = np.inf
-    margins = np.where(found, nearest.min(axis=1) - np.where(np.isfinite(own), own, 0), np.inf)
-    return Votes(winners, own, margins)
-
-
-def scores_of(
-    distances: np.ndarray, codes: np.ndarray, classes: int, k: int = 1, weights: ExampleWeights | None = None
-) -> np.ndarray:
-    """(Q, C) score of each class, the highest that of the winner of `votes_of`; its arguments are those.
-
-    With ``weights``, the sum of what all examples add: about 1 for the right class and 0 for others.
-    Of the nearest example alone, minus the distance to the nearest one of each class. Of several, the
-    votes of a class, less d / (1 + d) of that distance. Minus infinity where no example of a class can
-    be compared with the query.
-    """
-    clean = np.where(np.isnan(distances), np.inf, distances)
-    nearest: np.ndarray = np.full((len(clean), classes), np.inf)
-    for code in range(classes):
-        nearest[:, code] = clean[:, codes == code].min(axis=1, initial=np.inf)
+    for code in np.unique(codes):
+        own = np.flatnonzero(codes == code)
+        firsts[:, code] = own[distances[:, own].argmin(axis=1)]
+        nearest[:, code] = distances[rows, firsts[:, code]]
     there = np.isfinite(nearest)
+    steps, factors = np.zeros(nearest.shape), np.ones(len(rows))
     if weights is not None:
-        scores, factors = weights.scores(clean)
-        return np.where(there, scores * factors[:, None], -np.inf)
-    if k == 1:
-        return -nearest
-    near, near_by = k_nearest(clean, k), np.where(there, nearest, 0.0)
-    votes = np.zeros(nearest.shape)
-    for query, indices in enumerate(near.indices):
-        voters = codes[indices[np.isfinite(near.distances[query])]]
-        votes[query] = np.bincount(voters, minlength=classes)
-    return np.where(there, votes - near_by / (1 + np.abs(near_by)), -np.inf)
-
-
-def _ranking(
-    weights: ExampleWeights, distances: np.ndarray, nearest: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The (Q, C) classes of each query, best first, and the (Q,) lead of the first one's score.
-
-    ``nearest`` is the (Q, C) distance to the nearest example of each class; classes at infinity take
-    no part and come last. The lead is infinite where there is no second class.
-    """
-    scores, factors = weights.scores(distances)
-    there = np.isfinite(nearest)
-    scores = np.where(there, scores, -np.inf)
-    best = np.where(there, np.abs(scores), 0).max(axis=1, initial=0.0)
-    steps = np.round(scores / (np.where(best > 0, best, 1.0)[:, None] * _EQUAL))
-    classes = np.broadcast_to(np.arange(scores.shape[1]), scores.shape)
-    order = np.lexsort((classes, nearest, -steps), axis=1).astype(np.int64)
-    leads: np.ndarray = np.full(len(scores), np.inf)
-    if scores.shape[1] > 1:
-        second = np.flatnonzero(there.sum(axis=1) > 1)
-        lead = scores[second, order[second, 0]] - scores[second, order[second, 1]]
-        leads[second] = np.round(np.maximum(lead, 0.0) * factors[second], _DECIMALS)
-    return order, leads
+        scores, factors = weights.scores(distances)
+        best = np.where(there, np.abs(scores), 0).max(axis=1, initial=0.0)
+        steps = np.round(scores / (np.where(best > 0, best, 1.0)[:, None] * _EQUAL))
+    elif k == 1:
+        scores = -nearest
+    else:
+        near = k_nearest(distances, k)
+        for query, indices in enumerate(near.indices):
+            voters = codes[indices[np.isfinite(near.distances[query])]]
+            steps[query] = np.bincount(voters, minlength=classes)
+        scores = steps - np.where(there, nearest, 0) / (1 + np.abs(np.where(there, nearest, 0)))
+    order = np.lexsort((firsts, nearest, -np.where(there, steps, -np.inf)), axis=1)
+    best = order[:, 0]
+    found = there[rows, best]
+    own = np.where(found, nearest[rows, best], np.inf)
+    margins: np.ndarray = np.full(len(rows), np.inf)
+    second = np.flatnonzero(there.sum(axis=1) > 1)
+    if weights is not None:
+        lead = scores[second, best[second]] - scores[second, order[second, 1:2].reshape(-1)]
+        margins[second] = np.round(np.maximum(lead, 0.0) * factors[second], _DECIMALS)
+    else:
+        others = nearest.copy()
+        others[rows, best] = np.inf
+        margins[second] = others[second].min(axis=1, initial=np.inf) - own[second]
+    scores = np.where(there, scores * factors[:, None], -np.inf)
+    chances = None if temperature is None else probabilities(scores, temperature)[rows, best]
+    return Votes(np.where(found, best, -1), own, margins, order, scores, chances)
 
 
 def k_nearest(distances: np.ndarray, k: int = 1) -> Neighbors:
@@ -178,22 +164,21 @@ def k_nearest(distances: np.ndarray, k: int = 1) -> Neighbors:
     return Neighbors(np.take_along_axis(clean, order, axis=1), order.astype(np.int64))
 
 
-def named_examples(distances: np.ndarray, codes: np.ndarray, votes: Votes, k: int = 1) -> list[np.ndarray]:
+def named_examples(distances: np.ndarray, codes: np.ndarray, votes: Votes, k: int) -> list[np.ndarray]:
     """Indices of the examples to name beside each answer: the ``k`` nearest, nearest first.
 
-    With weights, the nearest one of each of the three best classes, best class first. Examples at an
-    infinite distance are left out.
+    Where all of them decide (0), the nearest one of each of the three best classes, best class first.
+    Examples at an infinite distance are left out.
     """
-    named = []
-    if votes.order is None:
-        near = k_nearest(distances, k)
-        for row, indices in zip(near.distances, near.indices, strict=True):
-            named.append(indices[np.isfinite(row)])
-        return named
     clean = np.where(np.isnan(distances), np.inf, distances)
+    named = []
     for row, order in zip(clean, votes.order, strict=True):
-        each = np.where(codes == order[:_NAMED, None], row, np.inf)
-        named.append(each.argmin(axis=1)[np.isfinite(each).any(axis=1)])
+        if k > 0:
+            own = np.argsort(row, kind="stable")[:k]
+        else:
+            own = np.where(codes == order[:_NAMED, None], row, np.inf).argmin(axis=1)
+            own = own[codes[own] == order[:_NAMED]]
+        named.append(own[np.isfinite(row[own])])
     return named
 
 
@@ -202,12 +187,13 @@ def refusals(
     thresholds: np.ndarray | None = None,
     margin: float | None = None,
     still: Sequence[bool] | np.ndarray | None = None,
+    confidence: float | None = None,
 ) -> list[str]:
     """Why each query gets no label: the code of the reason, empty where it gets one.
 
     E_REJECTED where the distance is above its class's value in the (C,) ``thresholds``, E_UNSURE where
-    the margin is below ``margin``. Where no example could be compared, E_NO_SALIENT of a query that
-    is ``still``, in which nothing moves, and E_NO_COMMON of any other.
+    the margin is below ``margin`` or the probability below ``confidence``. Where no example could be
+    compared, E_NO_SALIENT of a query that is ``still``, in which nothing moves, and E_NO_COMMON of any other.
     """
     codes = []
     rows = zip(votes.winners, votes.distances, votes.margins, strict=True)
@@ -217,7 +203,10 @@ def refusals(
         elif thresholds is not None and not distance <= thresholds[winner]:
             codes.append("E_REJECTED")
         else:
-            codes.append("E_UNSURE" if margin is not None and lead < margin else "")
+            unsure = margin is not None and lead < margin
+            if confidence is not None and votes.chances is not None:
+                unsure = unsure or bool(votes.chances[index] < confidence)
+            codes.append("E_UNSURE" if unsure else "")
     return codes
 
 
@@ -229,15 +218,18 @@ def decide(
     thresholds: np.ndarray | None = None,
     weights: ExampleWeights | None = None,
     margin: float | None = None,
+    confidence: float | None = None,
+    temperature: float | None = None,
 ) -> list[Prediction]:
     """One `Prediction` for each query, from the (Q, N) ``distances`` to the examples of ``library``.
 
-    ``k`` and ``weights`` are those of `votes_of`, ``thresholds`` and ``margin`` those of `refusals`.
+    ``k``, ``weights`` and ``temperature`` are those of `votes_of`, the thresholds those of `refusals`.
     """
-    votes = votes_of(distances, library.codes, len(library.classes), k, weights)
-    codes = refusals(votes, thresholds, margin, [is_still(query) for query in queries])
+    votes = votes_of(distances, library.codes, len(library.classes), k, weights, temperature)
+    codes = refusals(votes, thresholds, margin, list(map(is_still, queries)), confidence)
     predictions = []
-    for index, named in enumerate(named_examples(distances, library.codes, votes, k)):
+    shown = named_examples(distances, library.codes, votes, 0 if weights is not None else k)
+    for index, named in enumerate(shown):
         query, code, winner = queries[index], codes[index], votes.winners[index]
         selected, note = (query.selected, _note(query)) if isinstance(query, Signals) else ((), "")
         if code in _NOTHING_TO_COMPARE:
@@ -256,9 +248,17 @@ def decide(
             message = f"{label} at best, whose nearest example is at {distance:.4g}, above {limit:.4g}"
         elif code == "E_UNSURE":
             rival = next((f" before {other}" for _, other, _ in neighbors if other != label), "")
+            by, value, limit, name = "by a margin of", lead, margin, "margin"
+            if votes.chances is not None and (margin is None or lead >= margin):
+                by, value, limit, name = (
+                    "with a probability of",
+                    votes.chances[index],
+                    confidence,
+                    "confidence",
+                )
             message = (
-                f"{label}{rival} by a margin of {lead:.4g}, below {margin:.4g}; "
-                "try: more examples of both, or a lower --set classify.margin=…"
+                f"{label}{rival} {by} {value:.4g}, below {limit:.4g}; "
+                f"try: more examples of both, or a lower --set classify.{name}=…"
             )
         predictions.append(
             Prediction(
@@ -281,3 +281,56 @@ def _note(query: Signals) -> str:
     if query.repaired < _MANY:
         return ""
     return f"joints that jumped, or left and right, were repaired in {query.repaired:.0%} of the frames"
+
+
+def probabilities(scores: np.ndarray, temperature: float) -> np.ndarray:
+    """(Q, C) shares that add up to 1 in each row; equal ones where no class has a finite score."""
+    best = scores.max(axis=1, keepdims=True)
+    scaled = np.where(np.isfinite(best), scores - np.where(np.isfinite(best), best, 0.0), 0.0) / temperature
+    powers = np.exp(scaled)
+    shares: np.ndarray = powers / powers.sum(axis=1, keepdims=True)
+    return shares
+
+
+def temperature_of(within: np.ndarray, codes: np.ndarray, classes: int, chosen: ClassifySettings) -> float:
+    """What divides scores to make them probabilities, from the (N, N) distances among examples of (N,) codes.
+
+    That temperature under which the softmax gives the examples the probabilities that they deserve (Guo et
+    al. 2017), when each is decided by the others. So that few examples which are all right do not make a
+    certainty, the targets are those of Platt (1999): (N + 1) / (N + 2) instead of 1.
+
+    Raises
+    ------
+    InputError
+        E_EXAMPLES where no class has two examples: one that is left out leaves nothing of its class.
+    """
+    count = len(codes)
+    told = np.flatnonzero(np.bincount(codes, minlength=classes)[codes] > 1)
+    if len(told) == 0:
+        raise InputError(
+            "probabilities cannot be calibrated: no class has two examples",
+            remedy="two examples of a class at least, or classify.margin; decision_function",
+            code="E_EXAMPLES",
+        )
+    scores: np.ndarray = np.full((count, classes), -np.inf)
+    for start in range(min(count, _MOST)):
+        out = np.arange(start, count, _MOST)
+        rest = np.delete(np.arange(count), out)
+        weights = None
+        if chosen.neighbors == 0:
+            among = within[np.ix_(rest, rest)]
+            weights = learn_weights(among, codes[rest], classes, chosen.sharpness, chosen.shrinkage)
+        k = min(max(chosen.neighbors, 1), len(rest))
+        scores[out] = votes_of(within[np.ix_(out, rest)], codes[rest], classes, k, weights).scores
+    scores, truth = scores[told], codes[told]
+    ordered = np.sort(scores, axis=1)[:, -2:] if classes > 1 else np.zeros((len(told), 2))
+    leads = (ordered[:, 1] - ordered[:, 0])[np.isfinite(ordered).all(axis=1)]
+    unit = float(np.median(leads)) if len(leads) and np.median(leads) > 0 else 1.0
+    smooth = 1 / (len(told) + 2)
+    targets = np.full(scores.shape, smooth / max(classes - 1, 1))
+    targets[np.arange(len(told)), truth] = 1 - smooth
+    losses = []
+    for factor in _GRID:
+        shares = np.maximum(probabilities(scores, factor * unit), _LEAST)
+        losses.append(-(targets * np.log(shares)).sum())
+    return float(_GRID[int(np.argmin(losses))] * unit)

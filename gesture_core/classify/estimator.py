@@ -13,12 +13,10 @@ import numpy as np
 from sklearn.base import BaseEstimator, ClassifierMixin
 
 from gesture_core.classify.comparison import is_still
-from gesture_core.classify.decision import k_nearest, refusals, votes_of
+from gesture_core.classify.decision import k_nearest, probabilities, refusals, votes_of
 from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.classify.learning import ExampleWeights
-from gesture_core.classify.probability import probabilities
 from gesture_core.classify.recognizer import Item, Recognizer, signals_of
-from gesture_core.classify.saved import load_recognizer, save_recognizer
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import printable
 from gesture_core.records import Prediction
@@ -47,7 +45,8 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         it to the preset, whose largest distance is one of signals and is not asked of bare arrays.
     rejected_label : object, optional
         What `predict` answers where it gives no label: of the type of the labels, and none of them. By
-        default "(none)" for texts and -1 for numbers, so that any metric takes it as one more class.
+        default "(none)" for texts and -1 for numbers (one less than the least label, where that is a label),
+        so that any metric takes it as one more class.
     settings : mapping, optional
         Settings by their names, such as ``{"classify.mirror": 1.2}``, above those of the preset.
         ``set_params(classify__mirror=1.2)`` changes one, as a grid search does.
@@ -159,7 +158,10 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         self._check_fitted()
         signals = self.signals(X)
         distances, library = self.distances(signals), self.library_
-        votes = votes_of(distances, library.codes, len(library.classes), self.n_neighbors_, self.weights_)
+        chosen, heat = self.settings_.classify, self._recognizer.calibrated
+        votes = votes_of(
+            distances, library.codes, len(library.classes), self.n_neighbors_, self.weights_, heat
+        )
         for index in np.flatnonzero(votes.winners < 0):
             if not is_still(signals[index]):
                 raise InputError(
@@ -167,7 +169,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
                     remedy="predictions() gives it a row instead",
                     code="E_NO_COMMON",
                 )
-        codes = refusals(votes, self.thresholds_, self.settings_.classify.margin)
+        codes = refusals(votes, self.thresholds_, chosen.margin, confidence=chosen.confidence)
         labels: np.ndarray = self.classes_[votes.winners]
         refused = np.array(codes, str) != ""
         return np.where(refused, np.asarray(self.rejected_label_), labels) if refused.any() else labels
@@ -210,13 +212,8 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
             Where labels are neither texts nor numbers.
         """
         self._check_fitted()
-        parameters = self.get_params(deep=False)
-        if isinstance(self.preset, Settings):
-            parameters["preset"] = {"preset": self.preset.preset, "settings": self.preset.as_dict()}
-        if self.settings is not None:
-            parameters["settings"] = dict(self.settings)
-        parameters["rejected_label"] = np.asarray(self.rejected_label).tolist()
-        save_recognizer(self._recognizer, Path(path), {"parameters": parameters})
+        parameters = {name: _plain(value) for name, value in self.get_params(deep=False).items()}
+        self._recognizer.save(Path(path), {"parameters": parameters})
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> GestureClassifier:
@@ -227,14 +224,16 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         InputError
             Where there is no such file, it is another one, or damaged.
         """
-        fitted, facts = load_recognizer(Path(path))
+        fitted, facts = Recognizer.load(Path(path))
         try:
             parameters = dict(facts["parameters"])
             if isinstance(parameters["preset"], dict):
                 chosen = settings_from_dict(parameters["preset"]["settings"])
                 parameters["preset"] = replace(chosen, preset=str(parameters["preset"]["preset"]))
+            if isinstance(parameters["rejected_label"], dict):
+                parameters["rejected_label"] = bytes.fromhex(parameters["rejected_label"]["bytes"])
             return cls(**parameters)._take(fitted)
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             cause = f"holds no classifier that save() wrote: {error}"
             raise InputError(cause, subject=printable(path), code="E_INPUT") from error
 
@@ -253,7 +252,9 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         super().set_params(**{name: value for name, value in params.items() if "__" not in name})
         changes = {name.replace("__", "."): value for name, value in params.items() if "__" in name}
         if changes:
-            load_settings().with_values(changes.items(), "set_params")  # a misspelt one is refused now
+            load_settings().with_values(
+                _plain(changes).items(), "set_params"
+            )  # a misspelt one is refused now
             self.settings = {**(self.settings or {}), **changes}
         return self
 
@@ -295,7 +296,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
     def _resolve(self) -> Settings:
         """The settings of the next `fit`: those of the preset, overruled by the other parameters."""
         settings = self.preset if isinstance(self.preset, Settings) else load_settings(self.preset)
-        settings = settings.with_values((self.settings or {}).items(), "settings")
+        settings = settings.with_values(_plain(self.settings or {}).items(), "settings")
         changes: dict[str, Any] = {}
         if self.kernel != "auto":
             changes["kernel"] = self.kernel
@@ -336,6 +337,17 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         return tags
 
 
+def _plain(value: Any) -> Any:
+    """A parameter as JSON holds it; what NumPy calls a number is one."""
+    if isinstance(value, Settings):
+        return {"preset": value.preset, "settings": value.as_dict()}
+    if isinstance(value, Mapping):
+        return {name: _plain(own) for name, own in value.items()}
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    return {"bytes": value.hex()} if isinstance(value, bytes) else value
+
+
 def _sentinel(given: object, classes: np.ndarray) -> object:
     """What stands for no label beside ``classes``.
 
@@ -347,6 +359,8 @@ def _sentinel(given: object, classes: np.ndarray) -> object:
     numbers, kind = set("biuf"), classes.dtype.kind
     if given is None:
         value = {"U": "(none)", "S": b"(none)", "f": -1.0}.get(kind, -1 if kind in numbers else None)
+        if kind in numbers and value in classes:
+            value = classes.min().item() - 1
     else:
         value, own = given, np.asarray(given)
         if own.ndim > 0 or not (own.dtype.kind == kind or {own.dtype.kind, kind} <= numbers):

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from gesture_core.classify.comparison import compare, is_still
-from gesture_core.classify.decision import refusals, votes_of
+from gesture_core.classify.decision import refusals, temperature_of, votes_of
 from gesture_core.classify.learning import learn, medoids, needs_distances
 from gesture_core.errors import ConfigError, GestureError, InputError
-from gesture_core.settings import Settings
+from gesture_core.settings import ClassifySettings, Settings
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence, Signals
 
@@ -42,7 +42,10 @@ class Labelled:
 
 @dataclass(frozen=True)
 class Answer:
-    """One tested sequence: what it is, what it was taken for, and how sure that was."""
+    """One tested sequence: what it is, what it was taken for, and how sure that was.
+
+    ``confidence`` is the probability of the label, NaN where none is known.
+    """
 
     name: str
     label: str
@@ -53,6 +56,7 @@ class Answer:
     margin: float
     threshold: float = np.inf
     code: str = ""
+    confidence: float = np.nan
 
     @property
     def right(self) -> bool:
@@ -129,6 +133,30 @@ class Evaluation:
     def margin_curve(self) -> list[tuple[float, float, float]]:
         """(smallest margin, coverage, accuracy of what is left), from the loosest to the strictest."""
         return self._curve(np.array([a.margin for a in self.answers]), -1.0)
+
+    def confidence_curve(self) -> list[tuple[float, float, float]]:
+        """(smallest probability, coverage, accuracy of what is left), from the loosest to the strictest."""
+        return self._curve(np.array([a.confidence for a in self.answers]), -1.0)
+
+    def confidence_for(self, accuracy: float) -> tuple[float, float, float] | None:
+        """The loosest point of `confidence_curve` of at least this accuracy; None without one."""
+        points = self.confidence_curve()
+        return next((point for point in points if point[2] >= accuracy), None)
+
+    @property
+    def calibration_error(self) -> float | None:
+        """Expected calibration error of the probabilities of the labels, in ten bins (Guo et al. 2017).
+
+        None where no label has a probability. Few answers make it larger than it is: with 100 of a
+        perfectly calibrated classifier it is about 0.09, with 1000 about 0.03.
+        """
+        known = [a for a in self.answers if a.predicted is not None and np.isfinite(a.confidence)]
+        if not known:
+            return None
+        sure, right = np.array([a.confidence for a in known]), np.array([a.right for a in known])
+        bins = np.minimum((10 * sure).astype(int), 9)
+        own = [bins == number for number in range(10)]
+        return float(sum(abs((sure[o] - right[o]).sum()) for o in own) / len(known))
 
     def _curve(self, values: np.ndarray, sign: float) -> list[tuple[float, float, float]]:
         """What is left where ``sign * value`` is at most ``sign * limit``, for every value as the limit.
@@ -278,11 +306,14 @@ def folds(
         raise ConfigError(f"protocol {protocol!r}", remedy=f"one of {', '.join(PROTOCOLS)}", code="E_OPTION")
 
 
-def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None = None) -> Evaluation:
+def answer(
+    compared: Compared, protocol: str, changes: Mapping[str, Any] | None = None, *, calibrate: bool = False
+) -> Evaluation:
     """Test a compared data set on itself by ``protocol``.
 
     Votes, thresholds and representative examples are those of the classifier, from the examples
-    of each fold alone.
+    of each fold alone. With ``calibrate``, or a limit of the confidence, so are probabilities; in
+    ``leave-one-out`` their one temperature is that of all sequences, which leaves one out as it is.
 
     Raises
     ------
@@ -295,14 +326,21 @@ def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None 
     train = None if data.train is None else [data.train[i] for i in usable]
     answers: list[Answer] = []
     names: list[str] = []
+    temperature = None
+    calibrate = calibrate or chosen.confidence is not None
+    if calibrate and protocol == "leave-one-out":
+        temperature = _temperature(within, codes, len(classes), chosen)
     for fold in folds(protocol, codes, subjects, within, train):
         among = within[np.ix_(fold.train, fold.train)] if needs_distances(chosen) else None
         kept, thresholds, weights = learn(codes[fold.train], len(classes), chosen, among)
         examples = fold.train[kept]
         block = within[np.ix_(fold.test, examples)]
-        votes = votes_of(block, codes[examples], len(classes), chosen.neighbors, weights)
+        if calibrate and protocol != "leave-one-out":
+            own = within[np.ix_(examples, examples)]
+            temperature = _temperature(own, codes[examples], len(classes), chosen)
+        votes = votes_of(block, codes[examples], len(classes), chosen.neighbors, weights, temperature)
         still = None if compared.still is None else compared.still[fold.test]
-        refused = refusals(votes, thresholds, chosen.margin, still)
+        refused = refusals(votes, thresholds, chosen.margin, still, chosen.confidence)
         for row, origin in enumerate(usable[fold.test]):
             winner = int(votes.winners[row])
             limit = np.inf if winner < 0 or thresholds is None else float(thresholds[winner])
@@ -317,6 +355,7 @@ def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None 
                     float(votes.margins[row]),
                     limit,
                     refused[row],
+                    np.nan if votes.chances is None or winner < 0 else float(votes.chances[row]),
                 )
             )
         names.append(fold.name)
@@ -331,6 +370,18 @@ def answer(compared: Compared, protocol: str, changes: Mapping[str, Any] | None 
         for fold_name in tested:
             answers.append(Answer(name, label, subject, fold_name, None, np.inf, np.inf, code=error.code))
     return Evaluation(answers, protocol, compared.settings, dict(changes or {}))
+
+
+def _temperature(
+    within: np.ndarray, codes: np.ndarray, classes: int, chosen: ClassifySettings
+) -> float | None:
+    """That of the probabilities; None where too few examples make none, and none is asked for."""
+    try:
+        return temperature_of(within, codes, classes, chosen)
+    except InputError:
+        if chosen.confidence is not None:
+            raise
+        return None
 
 
 def choose_nested(candidates: Sequence[Compared]) -> tuple[Evaluation, dict[str, int]]:

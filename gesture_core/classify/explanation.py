@@ -133,7 +133,7 @@ def explain(
     if votes.winners[0] < 0:
         raise InputError("no example has a dimension in common with this input", code="E_NO_COMMON")
     if weights is not None:
-        sides = named_examples(row, codes, votes)[0][:2]
+        sides = named_examples(row, codes, votes, 0)[0][:2]
     else:
         won = codes == votes.winners[0]
         near = k_nearest(np.concatenate([np.where(side, row, np.inf) for side in (won, ~won)]))

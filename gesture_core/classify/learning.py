@@ -166,8 +166,9 @@ def learn(
 
 
 def needs_distances(chosen: ClassifySettings) -> bool:
-    """Whether `learn` needs the distances among the examples."""
-    return chosen.representative or chosen.reject_sd is not None or chosen.neighbors == 0
+    """Whether what is fitted needs the distances among the examples."""
+    calibrates = chosen.reject_sd is not None or chosen.confidence is not None
+    return chosen.representative or calibrates or chosen.neighbors == 0
 
 
 def medoids(distances: np.ndarray, codes: np.ndarray) -> np.ndarray:

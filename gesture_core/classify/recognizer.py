@@ -6,30 +6,38 @@ the comparisons of a run.
 
 from __future__ import annotations
 
+import json
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gesture_core.classify.comparison import Comparison, check_alike, check_settings
-from gesture_core.classify.decision import decide, scores_of
+from gesture_core.classify.decision import decide, temperature_of, votes_of
 from gesture_core.classify.examples import ExampleLibrary, warn_of_contradictions
 from gesture_core.classify.known import KnownDistances
 from gesture_core.classify.learning import ExampleWeights, learn, needs_distances
-from gesture_core.classify.probability import temperature_of
 from gesture_core.errors import ConfigError, GestureError, InputError
-from gesture_core.files import printable
+from gesture_core.files import printable, read_arrays, write_arrays
 from gesture_core.plugin import registry
 from gesture_core.records import Prediction
-from gesture_core.settings import Settings
+from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence, SignalBatch, Signals
 
 # Examples are compared with each other in blocks of so many rows at most, and of about so many seconds.
 _MOST_ROWS, _SECONDS = 256, 2.0
+
+_FORMAT = 1
+_LARGEST = 4 << 30
+"""Bytes of such a file, once unpacked."""
+_KINDS = "UifbS"
+"""Kinds of labels that a file holds: texts, numbers, truth values, bytes."""
 
 Item = PoseSequence | Signals | np.ndarray
 
@@ -53,6 +61,8 @@ class Recognizer:
         With these examples.
     within : (N, N) array, optional
         Distances among them, where `fit` had to compute them.
+    calibrated : float, optional
+        The `temperature`, where ``classify.confidence`` asks for it.
     """
 
     settings: Settings
@@ -62,6 +72,7 @@ class Recognizer:
     weights: ExampleWeights | None
     comparison: Comparison
     within: np.ndarray | None = None
+    calibrated: float | None = None
 
     @classmethod
     def fit(
@@ -106,7 +117,8 @@ class Recognizer:
             library = library.take(kept)
             comparison = Comparison(library.series, settings, known)
             within = None if within is None else within[np.ix_(kept, kept)]
-        return cls(settings, library, kept, thresholds, weights, comparison, within)
+        fitted = cls(settings, library, kept, thresholds, weights, comparison, within)
+        return fitted if chosen.confidence is None else replace(fitted, calibrated=fitted.temperature)
 
     def distances(self, series: Sequence[Signals | np.ndarray]) -> np.ndarray:
         """(Q, N) warping distances to the examples of `library`."""
@@ -115,15 +127,16 @@ class Recognizer:
         return self.comparison.distances(series)
 
     def scores(self, series: Sequence[Signals | np.ndarray]) -> np.ndarray:
-        """(Q, C) score of each class; see `decision.scores_of`."""
+        """(Q, C) score of each class; see `Votes`."""
         k, library = self.settings.classify.neighbors, self.library
-        return scores_of(self.distances(series), library.codes, len(library.classes), k, self.weights)
+        return votes_of(self.distances(series), library.codes, len(library.classes), k, self.weights).scores
 
     @cached_property
     def temperature(self) -> float:
-        """What turns scores into probabilities; see `probability.temperature_of`."""
-        library = self.library
-        within = self.within
+        """What turns scores into probabilities; see `temperature_of`."""
+        library, within = self.library, self.within
+        if self.calibrated is not None:
+            return self.calibrated
         if within is None:
             within = _among(library.series, self.comparison, lambda: None)
         return temperature_of(within, library.codes, len(library.classes), self.settings.classify)
@@ -152,10 +165,106 @@ class Recognizer:
                 message = error.message.replace("query 0", f"query {places[0]}")
                 found[places[0]] = Prediction(None, "error", code=error.code, message=message)
                 continue
-            k, margin = self.settings.classify.neighbors, self.settings.classify.margin
-            decided = decide(distances, series, self.library, k, self.thresholds, self.weights, margin)
+            chosen = self.settings.classify
+            decided = decide(
+                distances, series, self.library, chosen.neighbors, self.thresholds, self.weights,
+                chosen.margin, chosen.confidence, self.calibrated,
+            )  # fmt: skip
             found.update(zip(places, decided, strict=True))
         return [found[place] for place in range(len(X))]
+
+    def save(self, path: Path, facts: Mapping[str, Any]) -> None:
+        """Write the fitted examples and ``facts`` about them, plain values, to a file of arrays.
+
+        Nothing is pickled, and reading it runs no code.
+
+        Raises
+        ------
+        InputError
+            ``E_LABELS`` where labels are neither texts nor numbers.
+        """
+        library = self.library
+        labels = np.asarray(library.labels)
+        if labels.dtype.kind not in _KINDS:
+            raise InputError(
+                f"labels of type {labels.dtype} cannot be saved", remedy="texts or numbers", code="E_LABELS"
+            )
+        signals = [item for item in library.series if isinstance(item, Signals)]
+        arrays = {
+            "labels": labels,
+            "kept": self.kept,
+            "lengths": np.array([len(item) for item in library.series]),
+            "values": np.concatenate(
+                [item.values if isinstance(item, Signals) else item for item in library.series]
+            ),
+        }
+        if signals:
+            arrays["times"] = np.concatenate([item.times for item in signals])
+            arrays["masks"] = np.array([item.mask for item in signals])
+            arrays["present"] = np.array([item.present for item in signals])
+        if self.thresholds is not None:
+            arrays["thresholds"] = self.thresholds
+        if self.weights is not None:
+            arrays |= {"scales": self.weights.scales, "weights": self.weights.weights}
+            arrays["sharpness"] = np.array(self.weights.sharpness)
+        if self.calibrated is not None:
+            arrays["temperature"] = np.array(self.calibrated)
+        header = {
+            "format": _FORMAT,
+            "preset": self.settings.preset,
+            "settings": self.settings.as_dict(),
+            "names": library.names,
+            "sources": [item.source for item in signals],
+            "channels": signals[0].channels if signals else (),
+            "facts": dict(facts),
+        }
+        arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+        write_arrays(path, arrays)
+
+    @classmethod
+    def load(cls, path: Path, known: KnownDistances | None = None) -> tuple[Recognizer, dict[str, Any]]:
+        """What `save` wrote: the recognizer, and the facts about it.
+
+        Pairs in ``known`` are not compared again; it learns those that are.
+
+        Raises
+        ------
+        InputError
+            ``E_NOT_FOUND`` where there is no such file, ``E_INPUT`` where it is another one, or damaged.
+        """
+        arrays = read_arrays(path, _LARGEST)
+        try:
+            header = json.loads(arrays["header"].astype(np.uint8).tobytes())
+            if header["format"] != _FORMAT:
+                raise ValueError(f"format {header['format']}, this version reads {_FORMAT}")
+            settings = replace(settings_from_dict(header["settings"]), preset=str(header["preset"]))
+            cuts = np.cumsum(arrays["lengths"])[:-1]
+            values: list[Any] = np.split(arrays["values"], cuts)
+            if header["channels"]:
+                channels = tuple(map(str, header["channels"]))
+                every = (
+                    values,
+                    np.split(arrays["times"], cuts),
+                    arrays["masks"],
+                    arrays["present"],
+                    header["sources"],
+                )
+                values = [Signals(v, t, channels, m, p, s) for v, t, m, p, s in zip(*every, strict=True)]
+            library = ExampleLibrary(tuple(values), tuple(arrays["labels"]), tuple(header["names"]))
+            weights = None
+            if "weights" in arrays:
+                weights = ExampleWeights(arrays["scales"], arrays["weights"], float(arrays["sharpness"]))
+            comparison = Comparison(library.series, settings, known)
+            kept, thresholds, facts = arrays["kept"], arrays.get("thresholds"), dict(header["facts"])
+            calibrated = float(arrays["temperature"]) if settings.classify.confidence is not None else None
+            fitted = cls(settings, library, kept, thresholds, weights, comparison, calibrated=calibrated)
+            return fitted, facts
+        except (GestureError, KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise InputError(
+                f"holds no fitted classifier of this version: {error}",
+                subject=printable(path),
+                code="E_INPUT",
+            ) from error
 
 
 def signals_of(X: Sequence[Item], settings: Settings, name: str) -> list[Signals | np.ndarray]:

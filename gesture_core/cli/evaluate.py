@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from gesture_core.run.evaluate import EvaluationResult
 
 _SHOWN = 5
+_RELIABLE = 0.9
 _FOLDS_SHOWN = 40
 
 
@@ -208,17 +209,37 @@ def _print_thresholds(evaluation: Evaluation) -> None:
     """What stricter thresholds would cost, and bring."""
     from gesture_core.report.evaluation import thinned
 
-    curves = {"reject above": evaluation.rejection_curve(), "margin from": evaluation.margin_curve()}
+    curves = {
+        "reject above": evaluation.rejection_curve(),
+        "margin from": evaluation.margin_curve(),
+        "confidence from": evaluation.confidence_curve(),
+    }
     if any(curves.values()):  # otherwise nothing has a label
         print(
             "a stricter threshold labels fewer inputs (coverage), and usually more of these rightly "
-            "(accuracy): --reject VALUE, or --set classify.margin=VALUE"
+            "(accuracy): --reject VALUE, --set classify.margin=VALUE, or --set classify.confidence=VALUE"
         )
     for title, curve in curves.items():
         if curve:
             columns = [title, "coverage", "accuracy"]
             cells = [[f"{t:.4g}", f"{c:.1%}", f"{a:.1%}"] for t, c, a in thinned(curve, 8)]
             print_table(columns, cells, right=columns)
+    if curves["confidence from"]:
+        _print_confidence(evaluation)
+
+
+def _print_confidence(evaluation: Evaluation) -> None:
+    """What limit of the confidence makes the labels reliable, and how far the confidence is off."""
+    goal = f"for {_RELIABLE:.0%} right among the labelled"
+    point = evaluation.confidence_for(_RELIABLE)
+    if point is None:
+        print(f"{goal} no classify.confidence is high enough")
+    elif point == evaluation.confidence_curve()[0]:
+        print(f"{goal} no limit is needed: {point[2]:.0%} are")
+    else:
+        limit = int(1000 * point[0]) / 1000  # below the input that it is to keep
+        print(f"{goal} use --set classify.confidence={limit:g}: {point[1]:.0%} of the inputs keep a label")
+    print(f"expected calibration error of the confidence: {evaluation.calibration_error:.2f}")
 
 
 def _say_flaws(result: EvaluationResult) -> None:

@@ -88,6 +88,11 @@ def summary(evaluation: Evaluation, fingerprint: str) -> dict[str, Any]:
         "coverage_at_margin": [
             {"margin": m, "coverage": c, "accuracy": a} for m, c, a in thinned(evaluation.margin_curve())
         ],
+        "coverage_at_confidence": [
+            {"confidence": p, "coverage": c, "accuracy": a}
+            for p, c, a in thinned(evaluation.confidence_curve())
+        ],
+        "expected_calibration_error": evaluation.calibration_error,
         "not_recognised": [a.name for a in evaluation.answers if a.predicted is None],
     }
 
@@ -118,7 +123,9 @@ def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> 
     with replacing(numbers) as temporary:
         text = json.dumps(summary(evaluation, fingerprint), indent=1, allow_nan=False)
         temporary.write_text(text + "\n", "utf-8")
-    columns = ("name", "subject", "fold", "label", "predicted", "right", "distance", "margin", "code")
+    columns = (
+        "name", "subject", "fold", "label", "predicted", "right", "distance", "margin", "confidence", "code",
+    )  # fmt: skip
     CsvWriter().write((_record(answer) for answer in evaluation.answers), columns, answers)
     return [numbers, answers]
 
@@ -139,6 +146,6 @@ def draw_evaluation(evaluation: Evaluation, folder: Path) -> list[Path]:
 
 def _record(answer: Answer) -> dict[str, Any]:
     record = asdict(answer) | {"right": int(answer.right)}
-    for key in ("distance", "margin"):
+    for key in ("distance", "margin", "confidence"):
         record[key] = f"{record[key]:.6g}" if np.isfinite(record[key]) else None
     return record

@@ -204,6 +204,7 @@ def evaluate_archive(
     every = [compare_all(data, candidate) for candidate in candidates]
     found = [answer(compared, protocol, point) for compared, point in zip(every, points, strict=True)]
     best = max(range(len(found)), key=lambda index: found[index].accuracy)
+    found[best] = answer(every[best], protocol, points[best], calibrate=True)
     nested, choices = None, {}
     if len(found) > 1 and protocol == "leave-one-subject-out" and all(len(c.subjects) > 2 for c in every):
         nested, taken = choose_nested(every)

@@ -32,10 +32,15 @@ def pose_identity(settings: Settings, items: Collection[Input]) -> dict[str, Any
 
     Raises
     ------
-    ModelError, PluginError, ConfigError
+    PluginError
+        Where the pose backend or the video reader is none.
+    ModelError, ConfigError
         From `choose_pose`, where there are videos.
     """
     plugins, tree = registry(), settings.as_dict()
+    for kind, name in (("pose", settings.pose.backend), ("video", settings.pose.reader)):
+        if name != "auto":  # a mistyped name is one whether there are videos or not
+            plugins.find(kind, name)
     shared = {
         "people": tree["pose"]["people"],
         "score": tree["pose"]["score"],

@@ -149,6 +149,9 @@ class ClassifySettings(_Section):
     margin : None or float
         Labels with a smaller margin are rejected (E_UNSURE). The margin is the lead of the winner's
         score where all examples decide (0 to about 1), otherwise of its distance.
+    confidence : None or float
+        Labels that are right with a smaller probability than this are rejected (E_UNSURE). The probability is
+        calibrated on the examples, each of which is decided by the others; some class needs two.
     representative : bool
         Keep only the medoid of each class as its example.
     min_pose : float
@@ -176,6 +179,7 @@ class ClassifySettings(_Section):
     reject: float | None = None
     reject_sd: float | None = None
     margin: float | None = None
+    confidence: float | None = None
     representative: bool = False
     min_pose: float = 0.25
     mirror: float | None = None
@@ -283,6 +287,7 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "classify.reject": (-_INFINITE, _INFINITE),
     "classify.reject_sd": (0, _INFINITE),
     "classify.margin": (0, _INFINITE),
+    "classify.confidence": (0, 1),
     "classify.min_pose": (0, 1),
     "classify.mirror": (1, _INFINITE),
     "classify.relative": (0, 1),

@@ -347,14 +347,16 @@ def test_a_label_for_the_rejected_keeps_the_type_of_the_others() -> None:
     cases: tuple[tuple[list[object], object, object], ...] = (
         ([0, 1], None, -1), ([0, 1], 7, 7), ([0.5, 1.5], None, -1.0), ([False, True], None, -1),
         (["a", "b"], None, "(none)"), (["a", "b"], "none at all", "none at all"),
+        ([-1, 1], None, -2), ([np.int8(-1), np.int8(1)], None, -2), ([-1.0, 1.0], None, -2.0),
+        ([np.uint8(0), np.uint8(255)], None, -1), ([b"a", b"b"], None, b"(none)"),
     )  # fmt: skip
     for labels, given, instead in cases:
         model = GestureClassifier("paper", "numpy", reject=0.5, rejected_label=given).fit(examples, labels)
         found = model.predict([far, examples[1]])
         assert found.tolist() == [instead, labels[1]] and model.rejected_label_ == instead
-        assert found.dtype.kind == np.array(labels).dtype.kind or labels == [False, True]
+        assert found.dtype.kind in {np.array(labels).dtype.kind, "i"}  # -1 beside truth values, or unsigned
     wrong: tuple[tuple[list[object], object], ...] = (
-        ([0, 1], (1, 2)), ([0, 1], "x"), ([0, 1], 1), ([-1, 1], None), (["a", "b"], 3),
+        ([0, 1], (1, 2)), ([0, 1], "x"), ([0, 1], 1), ([-1, 1], -1), (["a", "b"], 3),
     )  # fmt: skip
     for labels, given in wrong:
         with pytest.raises(ConfigError, match="E_LABELS"):
@@ -433,6 +435,35 @@ def test_a_classifier_is_saved_and_loaded_without_pickle(kind: str, tmp_path: Pa
             GestureClassifier.load(tmp_path / "other")
     with pytest.raises(InputError, match="E_NOT_FOUND"):
         GestureClassifier.load(tmp_path / "absent")
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"reject": np.float32(0.5)},
+        {"n_neighbors": np.int64(1), "rejected_label": np.int64(9)},
+        {"settings": {"classify.mirror": np.float32(1.5), "signals.repair": np.bool_(True)}},
+    ],
+)
+def test_parameters_of_numpy_are_saved(parameters: dict[str, object], tmp_path: Path) -> None:
+    arrays = [np.zeros((3, 1)), np.ones((3, 1))]
+    model = GestureClassifier("paper", "numpy", **parameters).fit(arrays, [1, 2])  # type: ignore[arg-type]
+    model.save(tmp_path / "model")
+    twin = GestureClassifier.load(tmp_path / "model")
+    assert twin.get_params() == model.get_params()
+    assert twin.predict(arrays).tolist() == model.predict(arrays).tolist()
+
+
+def test_labels_of_bytes_are_saved(tmp_path: Path) -> None:
+    arrays = [np.zeros((3, 1)), np.ones((3, 1)), np.full((3, 1), 9.0)]
+    model = GestureClassifier("paper", "numpy", reject=0.5, rejected_label=b"?").fit(
+        arrays[:2], [b"a", b"bc"]
+    )
+    model.save(tmp_path / "model")
+    twin = GestureClassifier.load(tmp_path / "model")
+    assert twin.predict(arrays).tolist() == [b"a", b"bc", b"?"]
+    assert twin.rejected_label == b"?" and twin.classes_.tolist() == [b"a", b"bc"]
+    assert [p.label for p in twin.predictions(arrays)] == [p.label for p in model.predictions(arrays)]
 
 
 def test_paths_and_tensors_get_a_sentence() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gesture_core.classify import comparison
+from gesture_core.classify import comparison, known
 from gesture_core.classify.comparison import Comparison, compare
 from gesture_core.classify.known import KnownDistances, mark_of
 from gesture_core.settings import load_settings
@@ -47,15 +47,15 @@ def test_an_added_example_costs_its_own_pairs_alone(compared: list[tuple[int, in
     every = some(0, 7)
     expected = compare(every, every, SETTINGS)
     compared.clear()
-    known = KnownDistances("key")
-    Comparison(every[:6], SETTINGS, known).distances(every[:6])
-    known.write(tmp_path / "table")
-    known = KnownDistances.read(tmp_path / "table", "key")
-    found = Comparison(every, SETTINGS, known).distances(every)
+    table = KnownDistances("key")
+    Comparison(every[:6], SETTINGS, table).distances(every[:6])
+    table.write(tmp_path / "table")
+    table = KnownDistances.read(tmp_path / "table", "key")
+    found = Comparison(every, SETTINGS, table).distances(every)
     assert compared == [(6, 6), (6, 1), (1, 7)]
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_array_equal(
-        Comparison(every[::-1], SETTINGS, known).distances(every), expected[:, ::-1]
+        Comparison(every[::-1], SETTINGS, table).distances(every), expected[:, ::-1]
     )
     assert len(compared) == 3, "the order of examples changes no pair"
 
@@ -63,9 +63,9 @@ def test_an_added_example_costs_its_own_pairs_alone(compared: list[tuple[int, in
 def test_a_table_of_other_settings_or_a_damaged_one_is_computed_again(tmp_path: Path) -> None:
     items = some(1, 3)
     marks = [mark_of(item) for item in items]
-    known = KnownDistances("key")
-    known.learn(marks, marks, np.arange(9.0).reshape(3, 3))
-    known.write(tmp_path / "table")
+    table = KnownDistances("key")
+    table.learn(marks, marks, np.arange(9.0).reshape(3, 3))
+    table.write(tmp_path / "table")
     whole = (tmp_path / "table").read_bytes()
     again = KnownDistances.read(tmp_path / "table", "key").find(marks, marks)
     assert again.tolist() == np.arange(9.0).reshape(3, 3).tolist()
@@ -89,3 +89,30 @@ def test_all_that_decides_a_distance_is_in_the_mark() -> None:
     assert mark_of(Signals(item.values, item.times + 1, CHANNELS, item.mask, item.present, "x")) == mark_of(
         item
     )
+
+
+def test_the_table_does_not_grow_beyond_its_room(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(known, "LARGEST", 8 * 3 * 10)  # ten rows of three examples
+    table, columns = KnownDistances("key"), [b"a" * 16, b"b" * 16, b"c" * 16]
+    marks = [f"{i:016d}".encode() for i in range(40)]
+    values = np.arange(120.0).reshape(40, 3)
+    for start in range(0, 40, 4):
+        table.learn(marks[start : start + 4], columns, values[start : start + 4])
+        assert table._values.nbytes <= known.LARGEST and len(table._rows) <= 10
+    np.testing.assert_array_equal(table.find(marks, columns)[:10], values[:10])
+    assert np.isnan(table.find(marks, columns)[10:]).all()
+    table.learn(marks[:2], [b"d" * 16, b"e" * 16], np.ones((2, 2)))  # more examples leave room for fewer rows
+    assert table._values.nbytes <= known.LARGEST and len(table._rows) == 6
+    np.testing.assert_array_equal(table.find(marks[:6], columns), values[:6])
+    table.write(tmp_path / "table")
+    monkeypatch.undo()
+    again = KnownDistances.read(tmp_path / "table", "key").find(marks[:6], [*columns, b"d" * 16])
+    np.testing.assert_array_equal(again[:, :3], values[:6])
+    assert again[:2, 3].tolist() == [1, 1] and np.isnan(again[2:, 3]).all()
+
+
+def test_a_table_that_holds_nothing_yet_is_read_again(tmp_path: Path) -> None:
+    """As a run leaves it that ended before anything was compared."""
+    KnownDistances("these").write(tmp_path / "distances.npz")
+    known = KnownDistances.read(tmp_path / "distances.npz", "these")
+    assert known.find([b"a"], [b"b"]).shape == (1, 1)

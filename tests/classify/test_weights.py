@@ -175,11 +175,11 @@ def test_degenerate_libraries_still_answer(within: np.ndarray) -> None:
     assert np.isfinite(weights.weights).all()
 
 
-def test_equal_scores_go_to_the_nearer_class_then_to_the_first() -> None:
+def test_equal_scores_go_to_the_nearer_class_then_to_that_of_the_first_example() -> None:
     within = np.array([[0.0, 1.0], [1.0, 0.0]])
     weights = learned(within, np.array([1, 0]))
     votes = votes_of(np.array([[0.4, 0.4]]), np.array([1, 0]), 2, 0, weights)
-    assert votes.winners.tolist() == [0]
+    assert votes.winners.tolist() == [1]
     assert votes.margins.tolist() == [0.0]
 
 

@@ -14,7 +14,6 @@ from gesture_core import __version__
 from gesture_core.classify.comparison import check_settings
 from gesture_core.classify.known import KnownDistances
 from gesture_core.classify.recognizer import Recognizer, signals_of
-from gesture_core.classify.saved import load_recognizer, save_recognizer
 from gesture_core.errors import ConfigError, GestureError, InputError, PoseError, RunFolderError
 from gesture_core.files import tree_sha256
 from gesture_core.plugin.registry import calling, registry
@@ -127,7 +126,7 @@ class Decider:
             )
         self._known = known
         with _writing(run):
-            save_recognizer(self._recognizer, run / FITTED, {"fingerprint": fingerprint})
+            self._recognizer.save(run / FITTED, {"fingerprint": fingerprint, "examples": self._names})
         self.keep(run)
 
     def open(self, run: Path, fingerprint: str, names: Sequence[str]) -> bool:
@@ -137,8 +136,7 @@ class Decider:
         say why, and what was renamed is not to be found under its old name.
         """
         known = KnownDistances.read(run / DISTANCES, self._compared_by())
-        fitted = open_fitted(run, fingerprint, known)
-        self._recognizer = fitted if fitted and list(fitted.library.names) == list(names) else None
+        self._recognizer = open_fitted(run, fingerprint, known, names)
         self._known = known if self._recognizer else None
         return self._recognizer is not None
 
@@ -181,14 +179,17 @@ class Decider:
         return [prediction for pose in poses for prediction in self.predict([pose])]
 
 
-def open_fitted(run: Path, fingerprint: str, known: KnownDistances | None = None) -> Recognizer | None:
+def open_fitted(
+    run: Path, fingerprint: str, known: KnownDistances | None = None, names: Sequence[str] | None = None
+) -> Recognizer | None:
     """The fitted examples that a run has left in its folder.
 
-    None where there are none, or those of other settings or examples, or of another version: they are a
-    copy of what can be fitted again.
+    None where there are none, or those of other settings or examples (``names`` are those of all that were
+    given, where they are known), or of another version: they are a copy of what can be fitted again.
     """
     try:
-        recognizer, facts = load_recognizer(run / FITTED, known)
+        recognizer, facts = Recognizer.load(run / FITTED, known)
     except InputError:
         return None
-    return recognizer if facts.get("fingerprint") == fingerprint else None
+    fits = facts.get("fingerprint") == fingerprint and (names is None or facts.get("examples") == list(names))
+    return recognizer if fits else None
