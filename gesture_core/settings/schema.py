@@ -141,6 +141,9 @@ class ClassifySettings(_Section):
         another class at its usual distance.
     shrinkage : float
         With ``neighbors = 0``: penalty on the squared weights; more makes all examples more alike.
+    landmarks : int
+        With ``neighbors = 0``: of more examples than this, those that queries are compared with, spread
+        evenly over each class in the order of the examples; what they count for is learned from all.
     reject : None or float
         Distances above this get no label.
     reject_sd : None or float
@@ -176,6 +179,7 @@ class ClassifySettings(_Section):
     neighbors: int = 1
     sharpness: float = 3.0
     shrinkage: float = 0.1
+    landmarks: int = 512
     reject: float | None = None
     reject_sd: float | None = None
     margin: float | None = None
@@ -283,6 +287,7 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "classify.neighbors": (0, 1e9),
     "classify.sharpness": (0.01, 100),
     "classify.shrinkage": (1e-6, 1e6),
+    "classify.landmarks": (1, 1e9),
     "classify.reject": (-_INFINITE, _INFINITE),
     "classify.reject_sd": (0, _INFINITE),
     "classify.margin": (0, _INFINITE),
