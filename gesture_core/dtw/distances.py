@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Mapping, Sequence
 from operator import itemgetter
 from pathlib import Path
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 CPU_ORDER = ("numba", "jax", "torch", "numpy")
 """Fastest first, as ``benchmarks/kernels.py`` measures them."""
 GPU_ORDER = ("torch", "jax")
+SMALL = 1 << 16
+"""Cells of all pairs times dimensions up to which ``auto`` is NumPy, which is done before others have loaded
+or compiled anything. By the size alone: the same series have the same bits, whatever was compiled before."""
 
 Options = Mapping[str, Mapping[str, Any]]
 
@@ -44,7 +48,8 @@ def warping_distances(
     spec : DtwSpec, optional
         One warping for each dimension, absolute costs and their mean by default.
     kernel : str
-        A registered distance kernel, or ``"auto"`` for the fastest installed one.
+        A registered distance kernel, or ``"auto"`` for the fastest installed one; for a few short series,
+        of `SMALL` cells together, that is NumPy's.
     options : mapping, optional
         Keyword arguments of kernels by their names; those of other plugins are left alone.
 
@@ -74,7 +79,7 @@ def warping_distances(
     """
     spec = as_spec(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
-    name, chosen = choose_kernel(kernel, spec, options)
+    name, chosen = choose_kernel(kernel, spec, options, cells_of(query_batch, example_batch))
     values = np.asarray(chosen.distances(chosen.prepare(example_batch, spec), query_batch))
     return check_distances(values, query_batch, example_batch, name)
 
@@ -162,10 +167,13 @@ def derivatives(series: Sequence[np.ndarray]) -> list[np.ndarray]:
     return slopes
 
 
-def choose_kernel(name: str, spec: DtwSpec, options: Options | None = None) -> tuple[str, DistanceKernel]:
+def choose_kernel(
+    name: str, spec: DtwSpec, options: Options | None = None, cells: float = math.inf
+) -> tuple[str, DistanceKernel]:
     """The kernel called ``name``, or the fastest installed one that supports ``spec``.
 
-    ``options`` holds the keyword arguments of kernels by their names.
+    ``options`` holds the keyword arguments of kernels by their names, ``cells`` is from `cells_of`; without
+    it the job is a large one.
 
     Returns
     -------
@@ -199,6 +207,8 @@ def choose_kernel(name: str, spec: DtwSpec, options: Options | None = None) -> t
         return name, kernel
     usable = registry().names("kernel", usable=True)
     gpu = GPU_ORDER if Path("/dev/nvidiactl").exists() else ()
+    if cells <= SMALL:
+        gpu, usable = (), tuple(candidate for candidate in usable if candidate == "numpy") or usable
     for place, candidate in enumerate((*gpu, *CPU_ORDER)):
         if candidate not in usable:
             continue
@@ -208,6 +218,11 @@ def choose_kernel(name: str, spec: DtwSpec, options: Options | None = None) -> t
         if kernel.supports(spec):
             return candidate, kernel
     raise PluginError(f"no installed distance kernel computes {spec}", code="E_KERNEL_UNSUPPORTED")
+
+
+def cells_of(queries: SignalBatch, examples: SignalBatch) -> float:
+    """Cells of the tables of all pairs, times the dimensions."""
+    return float(queries.lengths.sum() * float(examples.lengths.sum()) * queries.values.shape[2])
 
 
 def pair_distances(

@@ -10,6 +10,7 @@ import numpy as np
 from gesture_core.dtw.batches import Series, make_batches, used_dimensions
 from gesture_core.dtw.distances import (
     Options,
+    cells_of,
     check_distances,
     choose_kernel,
     pair_distances,
@@ -119,7 +120,7 @@ def soft_warping_gradient(
     """
     spec = _soft(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
-    name, chosen = choose_kernel(kernel, spec, options)
+    name, chosen = choose_kernel(kernel, spec, options, cells_of(query_batch, example_batch))
     if not isinstance(chosen, GradientKernel):
         raise ConfigError(f"kernel {name!r} computes no gradients", remedy="--kernel auto", code="E_OPTION")
     shape = (len(query_batch), len(example_batch))
@@ -169,7 +170,7 @@ def soft_divergence(
     """
     spec = _soft(spec)
     query_batch, example_batch = make_batches(queries, examples, spec)
-    name, chosen = choose_kernel(kernel, spec, options)
+    name, chosen = choose_kernel(kernel, spec, options, cells_of(query_batch, example_batch))
     values = np.asarray(chosen.distances(chosen.prepare(example_batch, spec), query_batch))
     check_distances(values, query_batch, example_batch, name)
     qi, ei = (index.reshape(-1) for index in np.indices(values.shape))

@@ -177,7 +177,9 @@ class Registry:
         cause = f"no {title} {name!r}"
         if broken:
             cause += f" ({'; '.join(f'{fault.origin}: {fault.cause}' for fault in broken)})"
-        raise PluginError(cause, remedy=near(name, self.names(kind)), code="E_PLUGIN_UNKNOWN")
+        known = self.names(kind)
+        every = f"one of {', '.join(known) or '(none)'}"
+        raise PluginError(cause, remedy=near(name, known, every), code="E_PLUGIN_UNKNOWN")
 
     def load(self, kind: str, name: str) -> type[Any]:
         """Import the class of a plugin.

@@ -27,7 +27,7 @@ _SMALLEST, _METRES, _PICTURES, _PIXELS = 2.0, 20.0, 20.0, 1e5
 _POINT = 1e-6
 
 
-def check_plausible(pose: PoseSequence) -> list[str]:
+def check_plausible(pose: PoseSequence, *, axes_stated: bool = False) -> list[str]:
     """Notes on what is odd in a sequence; what can be no person at all is refused.
 
     Parameters
@@ -35,6 +35,8 @@ def check_plausible(pose: PoseSequence) -> list[str]:
     pose : PoseSequence
         As a reader made it. What it assumed of axes and order (``provenance["assumed"]``) is doubted; what
         the file or the user said of them is believed.
+    axes_stated : bool
+        The user has said what the axes are. A file that names x and y does not say which way y points.
 
     Raises
     ------
@@ -73,7 +75,7 @@ def check_plausible(pose: PoseSequence) -> list[str]:
         raise _refused(pose, cause, order)
     up = up[torso]
     _arms(pose, points, float(np.percentile(np.linalg.norm(up, axis=1), 90)), order)
-    return notes + _upright(pose, up, "axes" in assumed, order)
+    return notes + _upright(pose, up, "axes" in assumed, axes_stated, order)
 
 
 def _refused(pose: PoseSequence, cause: str, *remedies: str) -> KeypointError:
@@ -158,14 +160,14 @@ def _arms(pose: PoseSequence, points: np.ndarray, torso: float, order: str) -> N
         )
 
 
-def _upright(pose: PoseSequence, up: np.ndarray, doubted: bool, order: str) -> list[str]:
+def _upright(pose: PoseSequence, up: np.ndarray, doubted: bool, stated: bool, order: str) -> list[str]:
     """What is odd in the direction from hips to neck; refused where other axes would set it right."""
     angles = np.degrees(np.arctan2(np.abs(up[:, 0]), -up[:, 1]))
     lying, head_down = angles > _LYING, angles > _HEAD_DOWN
     usual = float(np.median(angles))
     if head_down.mean() >= _ALWAYS:
         cause = f"the body stands on its head in {head_down.sum()} of {len(up)} frames"
-        if doubted:
+        if doubted or not stated:
             believed = "--set keypoints.axes=xy to believe it"
             raise _refused(pose, cause, "--set keypoints.axes=x-y (y points up)", order, believed)
         return [cause]

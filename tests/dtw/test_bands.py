@@ -85,7 +85,7 @@ def test_a_mask_with_holes_has_no_intervals() -> None:
 @pytest.mark.parametrize("band", [{"window": 10}, {"shape": "itakura"}], ids=str)
 def test_a_band_takes_no_memory_of_its_own(kernel: str, band: dict[str, Any]) -> None:
     x, y, spec = np.zeros(3000), np.ones(3001), DtwSpec(**band)
-    warping_distances([x[:40]], [y[:40]], spec, kernel)  # compiles
+    warping_distances([x[:300]], [y[:300]], spec, kernel)  # compiles
     tracemalloc.start()
     try:
         assert np.isfinite(warping_distances([x], [y], spec, kernel)).all()

@@ -14,7 +14,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gesture_core.dtw.distances import choose_kernel, warping_distances
+from gesture_core.dtw.batches import make_batches
+from gesture_core.dtw.distances import SMALL, cells_of, choose_kernel, warping_distances
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError, InputError, PluginError
 from gesture_core.plugin import registry
@@ -128,7 +129,26 @@ def test_precision_follows_the_series() -> None:
 
 def test_a_system_that_tells_no_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
-    assert warping_distances([np.zeros(3)] * 20, [np.ones(3)], kernel="auto").tolist() == [[3.0]] * 20
+    pytest.importorskip("numba")
+    assert warping_distances([np.zeros(3)] * 20, [np.ones(3)], kernel="numba").tolist() == [[3.0]] * 20
+
+
+def test_a_few_short_series_wait_for_no_compiler() -> None:
+    code = (
+        "import sys\nimport numpy as np\nfrom gesture_core.dtw import warping_distance, soft_warping\n"
+        "rise = np.linspace(0, 1, 60)\n"
+        "print(warping_distance(rise, rise[::2]), soft_warping([rise], [rise]))\n"
+        "print([name for name in ('numba', 'jax', 'torch') if name in sys.modules])"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.splitlines()[-1] == "[]" and not found.stderr
+
+
+def test_which_kernel_is_automatic_is_a_matter_of_size_alone() -> None:
+    assert choose_kernel("auto", DtwSpec(), cells=SMALL)[0] == "numpy"
+    assert choose_kernel("auto", DtwSpec(), cells=SMALL + 1)[0] == choose_kernel("auto", DtwSpec())[0]
+    series = [np.random.default_rng(0).normal(size=(60, 3)) for _ in range(2)]
+    assert cells_of(*make_batches(series, series, DtwSpec())) == 120 * 120 * 3 <= SMALL
 
 
 def test_options_of_what_is_no_plugin_are_refused() -> None:

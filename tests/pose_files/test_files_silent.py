@@ -15,6 +15,7 @@ from tables import COCO17, COCO18, FRAMES, flat, named, person, read, refused, s
 
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.reading import ReadOptions
+from gesture_core.pose.plausible import check_plausible
 from gesture_core.skeletons import BLAZEPOSE33
 
 
@@ -82,6 +83,17 @@ def test_percent(tmp_path: Path) -> None:
     assert "--set keypoints.unit=shares where they are percent" in pose.provenance["notes"]
     (pose,) = ArrayReader(ReadOptions(unit="shares")).read(tmp_path / "k.npy")
     same(pose, points, COCO17.joints)
+
+
+def test_columns_of_x_and_y_do_not_say_that_y_points_down(tmp_path: Path) -> None:
+    points = person(COCO17.joints)
+    save(tmp_path / "k.csv", named(COCO17.joints), flat(points * (1, -1) + (0, 480)))
+    with pytest.raises(KeypointError, match=r"stands on its head.*keypoints\.axes=x-y"):
+        check_plausible(read(tmp_path / "k.csv")[0])
+    assert check_plausible(read(tmp_path / "k.csv", axes="xy")[0], axes_stated=True)
+    (pose,) = read(tmp_path / "k.csv", axes="x-y")
+    same(pose, points * (1, 1) - (0, 480), COCO17.joints)
+    assert check_plausible(pose, axes_stated=True) == []
 
 
 # --------------------------------------------------------------------------------------------- several clips

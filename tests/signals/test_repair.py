@@ -89,6 +89,18 @@ def test_bad_frames_leave_the_signals_nearly_as_they_were(
     assert np.abs(found.values - clean.values).max() < 0.15 * np.abs(clean.values).max()
 
 
+@pytest.mark.parametrize("frames", [[0], [0, 1, 2], [39], [4, 15, 27]], ids=str)
+def test_a_file_that_trembles_shows_a_jump_as_well(frames: list[int]) -> None:
+    """Each frame is measured by its own shoulders, as some files are: all lengths tremble by a fifth."""
+    sizes = np.random.default_rng(3).normal(1, 0.2, (40, 1, 1))
+    points = (moving() - moving()[:, [J["neck"]]]) * sizes
+    untouched = repaired(pose(points, 15.0)).pose.seen
+    jump(points, frames)
+    seen = repaired(pose(points, 15.0)).pose.seen
+    assert not seen[frames, J["right_wrist"]].any()
+    assert (untouched & ~seen).sum() <= len(frames) + 2
+
+
 @pytest.mark.parametrize("frames", [[7], [12, 13, 14, 15, 16, 17, 18, 19], [0, 1, 2], [37, 38, 39]], ids=str)
 @pytest.mark.parametrize("damage", [swap("wrist"), swap("shoulder", "elbow", "wrist"), swap_all])
 def test_an_exchange_is_undone_exactly_however_long(damage: Damage, frames: list[int]) -> None:

@@ -237,7 +237,8 @@ class KeypointExtractor:
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
         if name != "store":
-            odd = [note for sequence in sequences for note in check_plausible(sequence)]
+            stated = self._settings.keypoints.axes is not None
+            odd = [note for one in sequences for note in check_plausible(one, axes_stated=stated)]
         if pose.people == "single" and len(sequences) > 1:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
             sequences = [replace(best, person=0)]

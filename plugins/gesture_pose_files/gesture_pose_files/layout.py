@@ -135,7 +135,7 @@ def sequence(
     _check_seconds(times if clock is None else clock, source, remedy)
     missing = _missing(points, scores, joints)
     points = np.where(missing[..., None], np.float32(np.nan), points)
-    if said == "x-y":
+    if said == "x-y" or (options.axes == "x-y" and not own):  # names of x and y do not say where y points
         points = points * np.array([1, -1], np.float32)
     judged: Unit = "shares" if are_shares(points) else "pixels"
     seen = points[np.isfinite(points)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +64,7 @@ class TrcReader(OneClipReader):
             named,
             flat[None] * _LENGTHS.get(unit, 1.0),
             None,
-            self.options,
+            replace(self.options, axes=None),  # the body itself has shown which way is up
             source=source,
             reader="trc",
             times=times - times[0] if np.isfinite(times[0]) else times,
