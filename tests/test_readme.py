@@ -36,7 +36,12 @@ def test_every_command_in_a_block_runs_in_order(
     assert len(COMMANDS) >= 5
     for command in COMMANDS:
         assert run(shlex.split(command)[1:]) == 0, (command, capsys.readouterr().err)
-    for name in ("run/results.csv", "run/explain-cam1_0001.mp4.png", "scores/confusion.png", "seen.png"):
+    for name in (
+        "run/results.csv",
+        "run/explain-cam1_0001.mp4.png",
+        "scores/confusion.png",
+        "run/report/index.html",
+    ):
         assert (folder / name).is_file(), name
 
 

@@ -32,10 +32,11 @@ def export(
         The run folder.
     format
         csv, parquet, jsonl, or a result writer of a plugin; by default as --to ends, or csv. The events of
-        gesture spot also as eaf (ELAN), vtt or srt, a file for each input, or activitynet (one JSON file).
+        gesture spot also as eaf (ELAN), vtt, srt or audacity (label tracks), a file for each input, or
+        activitynet (one JSON file).
     to
-        The file, or - for standard output; <run>/results.<format> by default. For eaf, vtt and srt a folder,
-        <run>/events by default.
+        The file, or - for standard output; <run>/results.<format> by default. Where each input has a file, a
+        folder, <run>/events by default.
     """
     from gesture_core.report.event_files import FORMATS
     from gesture_core.run.export import export_rows

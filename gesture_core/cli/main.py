@@ -45,6 +45,7 @@ _COMMANDS = {
     "explain": "Show why an input of a run got its label.",
     "export": "Write the rows of a run as CSV, Parquet or JSON lines.",
     "report": "Write a page about a run: clips, certainty, alignments.",
+    "review": "Look at the rows of a run and say what they are; corrections become examples.",
     "render": "Draw the keypoints that the network sees over a video.",
     "settings": "List every setting, its type, meaning, default and value.",
     "plugins": "List every plugin, its kind, origin and status.",

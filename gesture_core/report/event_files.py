@@ -1,7 +1,7 @@
-"""The events of a run as files for other programs: ELAN, WebVTT, SubRip, ActivityNet.
+"""The events of a run as files for other programs: ELAN, WebVTT, SubRip, Audacity, ActivityNet.
 
-ELAN (Wittenburg et al. 2006) and the two subtitle formats belong to one recording each, so they are written
-as one file for each input, those without events included; ActivityNet's JSON holds all of them.
+ELAN (Wittenburg et al. 2006), the two subtitle formats and label tracks belong to one recording each, so they
+are written as one file for each input, those without events included; ActivityNet's JSON holds all of them.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from gesture_core.errors import MissingDependencyError, RunFolderError
 from gesture_core.files import printable, replacing
 from gesture_core.records import Row
 
-FORMATS = ("eaf", "vtt", "srt", "activitynet")
-_SUFFIXES = {"eaf": ".eaf", "vtt": ".vtt", "srt": ".srt"}
+FORMATS = ("eaf", "vtt", "srt", "audacity", "activitynet")
+_SUFFIXES = {"eaf": ".eaf", "vtt": ".vtt", "srt": ".srt", "audacity": ".txt"}
 
 
 def write_event_files(rows: Iterable[Row], format: str, target: Path) -> list[Path]:
@@ -132,10 +132,19 @@ def _write_srt(name: str, events: Sequence[Row], path: Path) -> None:
     path.write_text("\n".join(blocks), "utf-8")
 
 
+def _write_audacity(name: str, events: Sequence[Row], path: Path) -> None:
+    """A label track: start, end and text, with tabs between them."""
+    lines = [
+        f"{row.start or 0.0:.6f}\t{row.end or 0.0:.6f}\t{_said(row, events)}\n" for row in _in_order(events)
+    ]
+    path.write_text("".join(lines), "utf-8")
+
+
 _WRITERS: Mapping[str, Callable[[str, Sequence[Row], Path], None]] = {
     "eaf": _write_elan,
     "vtt": _write_vtt,
     "srt": _write_srt,
+    "audacity": _write_audacity,
 }
 
 

@@ -32,12 +32,15 @@ class Report:
     rows, previews : int
     missing : mapping
         Why a row has no preview, and of how many.
+    labels : tuple of str
+        Of the examples.
     """
 
     page: Path
     rows: int
     previews: int
     missing: Mapping[str, int]
+    labels: tuple[str, ...] = ()
 
 
 def write_report(
@@ -95,7 +98,8 @@ def write_report(
         listener=listener,
     )
     write_page(folder, found)
-    return Report(folder / INDEX, len(found.rows), found.previews, found.missing)
+    labels_known = tuple(found.facts["labels"])
+    return Report(folder / INDEX, len(found.rows), found.previews, found.missing, labels_known)
 
 
 def check_page_folder(folder: Path) -> None:

@@ -78,11 +78,13 @@ class VideoSettings(_Section):
     Attributes
     ----------
     fps : None or float
-        Frames per second of every video, instead of the times in the file; None takes these, and for
-        streams without times the rate that their codec says, or 25.
+        Frames per second of streams without times; None takes the rate that their codec says, or 25.
+    retime : None or float
+        Frames per second of every video, instead of the times in the file, for files whose times are wrong.
     """
 
     fps: float | None = None
+    retime: float | None = None
 
 
 @dataclass(frozen=True)
@@ -278,6 +280,7 @@ SECTIONS: Mapping[str, type] = {
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "video.fps": (0.001, 100_000),
+    "video.retime": (0.001, 100_000),
     "pose.height": (32, 4096),
     "pose.rate": (0, 100_000),
     "pose.score": (0, 1),

@@ -53,9 +53,12 @@ def test_elan_has_a_tier_for_each_person_and_for_what_overlaps() -> None:
     }
 
 
-def test_subrip_and_activitynet(tmp_path: Path) -> None:
+def test_subrip_audacity_and_activitynet(tmp_path: Path) -> None:
     written = write_event_files(ROWS, "srt", tmp_path)
     assert written[1].read_text("utf-8") == "1\n01:01:01,000 --> 01:01:02,000\nwave\n"
+    written = write_event_files(ROWS, "audacity", tmp_path / "tracks")
+    assert [path.name for path in written] == ["one.txt", "one-2.txt", "none.txt"]
+    assert written[0].read_text("utf-8").splitlines()[0] == "1.000000\t2.500000\tperson 0: wave"
     (path,) = write_event_files(ROWS, "activitynet", tmp_path / "events.json")
     results = json.loads(path.read_text("utf-8"))["results"]
     assert results["b/one.mp4"] == [{"label": "wave", "segment": [3661.0, 3662.0], "score": 0.9}]

@@ -10,7 +10,7 @@
   document.getElementById("title").textContent = data.run;
   document.getElementById("facts").textContent = [
     counted(rows.length, "row"), data.labels.length ? counted(data.labels.length, "label") : "", data.examples.length ? counted(data.examples.length, "example") : "",
-    data.preset ? `preset ${data.preset}` : "", data.reject === null ? "" : `no label beyond distance ${data.reject}`, data.margin === null ? "" : `no label below margin ${data.margin}`,
+    data.preset ? `preset ${data.preset}` : "", data.reject === null || data.kind !== "labels" ? "" : `no label beyond distance ${data.reject}`, data.margin === null || data.kind !== "labels" ? "" : `no label below margin ${data.margin}`,
   ].filter(Boolean).join(" · ");
   document.getElementById("foot").textContent = `gesture-core ${data.version} · run ${data.fingerprint}${gesture.base ? ` · inputs in ${gesture.base}` : ""}`;
   document.getElementById("h-sure").textContent = sureness === "score" ? "Score" : "Margin";

@@ -5,8 +5,8 @@ gesture.stage = (() => {
   const place = document.getElementById("stage");
   let turn = 0, opened = false, shown = null;
 
-  function panel(kind, title, subtitle, screen, extra) {
-    return make("figure", { class: `panel ${kind}` }, screen, make("figcaption", {}, make("b", {}, title), make("span", { class: "dim" }, subtitle), extra));
+  function panel(kind, title, subtitle, screen, where) {
+    return make("figure", { class: `panel ${kind}` }, screen, make("figcaption", {}, make("b", {}, title), make("span", { class: "dim" }, subtitle), where && make("span", { class: "dim where" }, where)));
   }
 
   function fileOf(name) {
@@ -33,7 +33,7 @@ gesture.stage = (() => {
     const sides = [["near", near, "nearest example"], ["far", far, "runner-up"]].filter(([, one]) => one);
     const screens = sides.map(([, one]) => gesture.player.screen(one.clip, "no preview"));
     const panels = make("div", { class: "panels" }, panel("query", row.label ?? "no label", "this input", query),
-      ...sides.map(([kind, one, what], index) => panel(kind, one.label, `${what}: ${fileOf(one.name)}`, screens[index])));
+      ...sides.map(([kind, one, what], index) => panel(kind, one.label, what, screens[index], fileOf(one.name))));
     const slider = make("input", { type: "range", min: 0, max: 1000, value: 0, class: "seek", "aria-label": "Time in the clip", oninput: () => { gesture.player.seek((slider.value / 1000) * (row.seconds || 1)); label(); } });
     const clock = make("span", { class: "clock" });
     const button = make("button", { type: "button", class: "play", onclick: () => { gesture.player.pause(); label(); } });
@@ -109,7 +109,8 @@ gesture.stage = (() => {
   }
 
   gesture.listeners.add(() => {
-    if (!state.shown.includes(state.chosen)) choose(state.shown[0] ?? null);
+    if (state.shown.includes(state.chosen)) return;
+    choose(state.shown.find((row) => !data.review || !state.answers.has(row.index)) ?? state.shown[0] ?? null);
   });
   return { choose, step, close, render: () => render(state.chosen), toggle: () => { if (shown) shown.open = !shown.open; } };
 })();

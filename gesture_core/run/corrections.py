@@ -1,0 +1,188 @@
+"""Clips that a person corrected become examples: as few as the decisions need."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gesture_core.classify.comparison import compare
+from gesture_core.errors import InputError, RunFolderError
+from gesture_core.run.answers import Answered, Answers
+from gesture_core.run.extract import Listener, people_of
+from gesture_core.run.inputs import Input, discover
+from gesture_core.run.results import open_results
+from gesture_core.run.workers.decision import open_fitted
+from gesture_core.signals.chain import Chain
+from gesture_core.types import Signals
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """What became of answers.
+
+    Attributes
+    ----------
+    added : tuple of Path
+        The new examples, those first that change most decisions.
+    redundant : int
+        Clips whose label the examples give already, with those that were added.
+    left_out : mapping
+        Why answers cannot become examples, and of how many.
+    """
+
+    added: tuple[Path, ...]
+    redundant: int
+    left_out: Mapping[str, int]
+
+
+def add_corrections(
+    run: Path, folder: Path, *, most: int | None = None, listener: Listener | None = None
+) -> Corrections:
+    """Put clips that a person corrected into ``folder``/<label>/, as few of them as decide.
+
+    Parameters
+    ----------
+    run : Path
+        A run folder with answers.
+    folder : Path
+        Of the examples.
+    most : int, optional
+        How many at most.
+    listener : Listener, optional
+        Told about keypoints that have to be extracted again.
+
+    Raises
+    ------
+    InputError
+        ``E_EMPTY`` where nothing was answered.
+    RunFolderError
+        ``E_NO_RUN`` where the run has no fitted examples to compare with.
+    """
+    with Answers(run) as answers:
+        answered = answers.answered()
+    if not answered:
+        raise InputError("nothing was answered yet", remedy="gesture review RUN", code="E_EMPTY")
+    left_out: dict[str, int] = {}
+    usable: list[Answered] = []
+    for one in answered:
+        reason = _reason(one)
+        if reason:
+            left_out[reason] = left_out.get(reason, 0) + 1
+        else:
+            usable.append(one)
+    with open_results(run) as results:
+        recognizer = open_fitted(run, results.get("fingerprint") or "")
+        rows = dict(results.keyed_rows())
+    if recognizer is None:
+        raise RunFolderError(
+            "holds no fitted examples", subject=str(run), remedy="gesture classify once more", code="E_NO_RUN"
+        )
+    items = {item.key: item for item in discover([place for place in _places(rows) if place.exists()])}
+    chain = Chain.from_settings(recognizer.settings)
+    signals: dict[bytes, Signals] = {}
+    wanted = [item for key, item in items.items() if key in rows and rows[key].distance is not None]
+    for item, found, people in people_of(wanted, recognizer.settings, listener=listener):
+        if people and found.sha256 == rows[item.key].sha256:
+            signals[item.key] = chain(people[0])
+    lost = [one for one in usable if one.key not in signals]
+    if lost:
+        left_out["the clip is not what the run saw, or nobody is in it"] = len(lost)
+    usable = [one for one in usable if one.key in signals]
+    labels = [str(one.label) for one in usable]
+    chosen = choose(
+        recognizer.distances(list(signals.values())),
+        [str(label) for label in recognizer.library.labels],
+        compare(list(signals.values()), [signals[one.key] for one in usable], recognizer.settings),
+        labels,
+        [list(signals).index(one.key) for one in usable],
+        most,
+    )
+    added = [_copy(items[usable[place].key], folder / labels[place]) for place in chosen]
+    return Corrections(tuple(added), len(usable) - len(chosen), left_out)
+
+
+def choose(
+    known: np.ndarray,
+    known_labels: Sequence[str],
+    new: np.ndarray,
+    new_labels: Sequence[str],
+    own: Sequence[int],
+    most: int | None = None,
+) -> list[int]:
+    """Which corrected clips to add, those first that change most decisions.
+
+    A clip is added only where the examples and the clips added before it would give it another label, as in
+    the condensed nearest neighbour rule (Hart 1968): what is already known makes the library no better.
+
+    Parameters
+    ----------
+    known : (Q, N) float array
+        Distances of all clips of the run to the examples, ``known_labels`` their labels.
+    new : (Q, C) float array
+        The same to the corrected clips.
+    own : sequence of C int
+        The row of each corrected clip.
+    most : int, optional
+        How many at most.
+
+    Returns
+    -------
+    list of int
+        Positions among the corrected clips.
+    """
+    names = np.array(known_labels, object)
+    nearest = known.min(axis=1)
+    label = names[known.argmin(axis=1)]
+    chosen: list[int] = []
+    while len(chosen) < (len(new_labels) if most is None else most):
+        open_ones = [c for c in range(len(new_labels)) if c not in chosen and label[own[c]] != new_labels[c]]
+        if not open_ones:
+            break
+        changed = [((new[:, c] < nearest) & (label != new_labels[c])).sum() for c in open_ones]
+        best = open_ones[int(np.argmax(changed))]
+        chosen.append(best)
+        closer = new[:, best] < nearest
+        nearest = np.where(closer, new[:, best], nearest)
+        label = np.where(closer, new_labels[best], label)
+    return chosen
+
+
+def _reason(one: Answered) -> str:
+    """Why an answer is no example; empty where it may be one."""
+    if one.label is None:
+        return "none of the gestures"
+    if one.row.event:
+        return "an event of a recording: gesture cut makes clips of events"
+    if one.row.person:
+        return "one of several people in the input"
+    if one.member:
+        return "one of several sequences in a file"
+    return ""
+
+
+def _places(rows: Mapping[bytes, object]) -> list[Path]:
+    return [Path(os.fsdecode(place)) for place in dict.fromkeys(key.partition(b"\0")[0] for key in rows)]
+
+
+def _copy(item: Input, folder: Path) -> Path:
+    """A copy of an input in a folder of examples: the same bytes on disk where that can be."""
+    folder.mkdir(parents=True, exist_ok=True)
+    number, target = 1, folder / item.path.name
+    while target.exists():
+        if target.is_file() and item.path.is_file() and target.samefile(item.path):
+            return target
+        number += 1
+        target = folder / f"{item.path.stem}-{number}{item.path.suffix}"
+    if item.path.is_dir():
+        shutil.copytree(item.path, target)
+        return target
+    try:
+        os.link(item.path, target)
+    except OSError:  # another disk, or one without links
+        shutil.copy2(item.path, target)
+    return target
