@@ -72,7 +72,7 @@ class KnownDistances:
         """Take the distances of all pairs of ``rows`` and ``columns``, while there is room (`LARGEST`)."""
         for mark in columns:
             self._columns.setdefault(mark, len(self._columns))
-        most = LARGEST // (8 * len(self._columns))
+        most = LARGEST // (8 * max(1, len(self._columns)))
         self._rows = dict(list(self._rows.items())[:most])
         for mark in rows:
             if len(self._rows) < most:

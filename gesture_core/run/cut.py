@@ -168,6 +168,8 @@ class _Work:
         self, items: Mapping[str, Input], waiting: Mapping[str, Sequence[int]]
     ) -> Iterator[tuple[int, Clip]]:
         """Cut inputs of keypoints; the clips by their numbers."""
+        if not items:
+            return
         names = {item.key: name for name, item in items.items()}
         for item, found, people in people_of(list(items.values()), self.settings, listener=self.listener):
             for number in waiting[names[item.key]]:
@@ -200,6 +202,8 @@ class _Work:
         self, items: Mapping[str, Input], waiting: Mapping[str, Sequence[int]], workers: int
     ) -> Iterator[tuple[int, Clip]]:
         """Cut videos, in worker processes; the clips by their numbers."""
+        if not items:
+            return
         tasks, names = [], list(items)
         for place, (name, item) in enumerate(items.items()):
             parts = []

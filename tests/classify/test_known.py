@@ -109,3 +109,10 @@ def test_the_table_does_not_grow_beyond_its_room(monkeypatch: pytest.MonkeyPatch
     again = KnownDistances.read(tmp_path / "table", "key").find(marks[:6], [*columns, b"d" * 16])
     np.testing.assert_array_equal(again[:, :3], values[:6])
     assert again[:2, 3].tolist() == [1, 1] and np.isnan(again[2:, 3]).all()
+
+
+def test_a_table_that_holds_nothing_yet_is_read_again(tmp_path: Path) -> None:
+    """As a run leaves it that ended before anything was compared."""
+    KnownDistances("these").write(tmp_path / "distances.npz")
+    known = KnownDistances.read(tmp_path / "distances.npz", "these")
+    assert known.find([b"a"], [b"b"]).shape == (1, 1)

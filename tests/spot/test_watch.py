@@ -198,9 +198,12 @@ def test_pictures_through_a_pipe_are_told_apart(tmp_path: Path) -> None:
 
 
 @contextmanager
-def served(connections: list[list[np.ndarray]]) -> Iterator[str]:
-    """An MJPEG stream on the loopback that shows these pictures, one list for each connection."""
-    waiting = list(connections)
+def served(connections: list[list[np.ndarray]], hold: float = 0.0) -> Iterator[str]:
+    """An MJPEG stream on the loopback that shows these pictures, one list for each connection.
+
+    After the last one, it says nothing for ``hold`` seconds.
+    """
+    waiting, ended = list(connections), threading.Event()
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
@@ -215,6 +218,7 @@ def served(connections: list[list[np.ndarray]]) -> Iterator[str]:
                 head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
                 self.wfile.write(head.encode() + data + b"\r\n")
                 time.sleep(0.02)
+            ended.wait(hold)
 
         def log_message(self, *_: object) -> None:
             pass
@@ -225,6 +229,7 @@ def served(connections: list[list[np.ndarray]]) -> Iterator[str]:
     try:
         yield f"http://127.0.0.1:{server.server_port}/"
     finally:
+        ended.set()
         server.shutdown()
         server.server_close()
 
@@ -247,6 +252,22 @@ def test_a_stream_on_the_network_that_breaks_off_is_opened_again() -> None:
         "was lost; opened again in 0.05 s",
         "is back after 0 s",
     ]
+
+
+def test_a_stream_that_stalls_is_lost_and_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gesture_core.spot.sources.TIMEOUT", 1.0)
+    pictures = [np.full((48, 64, 3), 8 * number, np.uint8) for number in range(30)]
+    with (
+        served([pictures, pictures], hold=20.0) as address,
+        Capture(Camera(address), waits=(0.05,)) as capture,
+    ):
+        said: list[str] = []
+        deadline = time.monotonic() + 40
+        while time.monotonic() < deadline and not any("is back" in text for text in said):
+            found = capture.next(1.0)
+            said += [found.text] if isinstance(found, Note) else []
+    assert [text.partition(": ")[2] for text in said][:1] == ["was lost; opened again in 0.05 s"]
+    assert "is back after" in said[-1]
 
 
 def test_sources_that_are_none_are_refused(tmp_path: Path, drawn: DemoArchive) -> None:
@@ -312,7 +333,7 @@ def test_pixels_as_live_have_the_events_of_spot(
     drawn: DemoArchive, film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With the packaged network, whose live keypoints cannot know the frames to come."""
-    changes = ["--set", "spot.tempos=", "--set", "spot.live=true"]
+    changes = ["--set", "spot.tempos=", "--set", "spot.live=true", "--set", "pose.rate=20"]
     out = tmp_path / "run"
     assert gesture(["spot", str(film), "--examples", str(drawn.examples), "--out", str(out), *changes]) == 0
     rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
