@@ -63,23 +63,20 @@ def render(
             remedy="--out with a name that ends in .png",
             code="E_MISSING_DEPENDENCY",
         )
-    found = _people(video, settings)
+    looked_at, found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
     limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-    with open_video(video, settings.pose.reader, limits, settings.options, settings.video.fps) as frames:
+    with open_video(video, settings.pose.reader, limits, settings.options, settings.video) as frames:
         tags = [f"{person.person} {labels.get(person.person, '')}".strip() for person in found]
-        drawn = overlay(frames, found, tags if labels or len(found) > 1 else ())
+        shown = tags if labels or len(found) > 1 else ()
         if target.suffix.lower() == ".mp4":
-            count = write_video(drawn, target)
-        else:
-            count = write_strip(cropped(drawn, found), target)
+            count = write_video(overlay(frames, found, shown), target)
+        else:  # cropped first, so that what is written above a person is inside
+            count = write_strip(overlay(*cropped(frames, found), shown), target)
     longest = max(sequence.frames_with_pose for sequence in found)
-    who = (
-        f"1 person, in {longest} of them"
-        if len(found) == 1
-        else f"{len(found)} tracks of people, the longest in {longest} of them"
-    )
-    print(f"{printable(target)}: {counted(count, 'frame')}, {who}")
+    who = "1 person" if len(found) == 1 else f"{len(found)} tracks of people, the longest"
+    of = "them" if looked_at == count else f"the {looked_at} that are looked at (pose.rate)"
+    print(f"{printable(target)}: {counted(count, 'frame')}, {who} in {longest} of {of}")
     return 0
 
 
@@ -106,8 +103,8 @@ def _labels(video: Path, run: Path) -> tuple[dict[int, str], Settings]:
     )
 
 
-def _people(video: Path, settings: Settings) -> list[PoseSequence]:
-    """Everybody in the video, from the keypoint store or extracted in a worker process."""
+def _people(video: Path, settings: Settings) -> tuple[int, list[PoseSequence]]:
+    """Frames that are looked at, and everybody in them, from the store or extracted in a worker process."""
     from gesture_core.cli.progress import progress
     from gesture_core.run.extract import people_of
     from gesture_core.run.inputs import discover
@@ -120,7 +117,7 @@ def _people(video: Path, settings: Settings) -> list[PoseSequence]:
             if found.code:
                 raise MediaError(found.message, subject=str(video), code=found.code)
             if people:
-                return people
+                return found.frames_looked_at, people
     raise PoseError(
         "nobody was found",
         subject=str(video),

@@ -76,7 +76,7 @@ def _video_identity(settings: Settings) -> dict[str, Any]:
         "package": gesture_core.__version__,
         "extraction": REVISION,
         "settings": settings.as_dict()["pose"],
-        "fps": settings.video.fps,
+        "times": settings.as_dict()["video"],
         "backend": plugins.find("pose", settings.pose.backend).identity,
         "options": settings.plugin_options(settings.pose.backend),
         "reader": {

@@ -78,11 +78,13 @@ class VideoSettings(_Section):
     Attributes
     ----------
     fps : None or float
-        Frames per second of every video, instead of the times in the file; None takes these, and for
-        streams without times the rate that their codec says, or 25.
+        Frames per second of streams without times; None takes the rate that their codec says, or 25.
+    retime : None or float
+        Frames per second of every video, instead of the times in the file, for files whose times are wrong.
     """
 
     fps: float | None = None
+    retime: float | None = None
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,9 @@ class ClassifySettings(_Section):
         another class at its usual distance.
     shrinkage : float
         With ``neighbors = 0``: penalty on the squared weights; more makes all examples more alike.
+    landmarks : int
+        With ``neighbors = 0``: of more examples than this, those that queries are compared with, spread
+        evenly over each class in the order of the examples; what they count for is learned from all.
     reject : None or float
         Distances above this get no label.
     reject_sd : None or float
@@ -176,6 +181,7 @@ class ClassifySettings(_Section):
     neighbors: int = 1
     sharpness: float = 3.0
     shrinkage: float = 0.1
+    landmarks: int = 512
     reject: float | None = None
     reject_sd: float | None = None
     margin: float | None = None
@@ -275,6 +281,7 @@ SECTIONS: Mapping[str, type] = {
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "video.fps": (0.001, 100_000),
+    "video.retime": (0.001, 100_000),
     "pose.height": (32, 4096),
     "pose.rate": (0, 100_000),
     "pose.score": (0, 1),
@@ -284,6 +291,7 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "classify.neighbors": (0, 1e9),
     "classify.sharpness": (0.01, 100),
     "classify.shrinkage": (1e-6, 1e6),
+    "classify.landmarks": (1, 1e9),
     "classify.reject": (-_INFINITE, _INFINITE),
     "classify.reject_sd": (0, _INFINITE),
     "classify.margin": (0, _INFINITE),

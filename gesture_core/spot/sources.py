@@ -161,7 +161,7 @@ class Recording:
 
         chosen = self.settings
         limits = VideoLimits(chosen.limits.pixels, chosen.limits.frames)
-        opened = open_video(self.path, chosen.pose.reader, limits, chosen.options, chosen.video.fps)
+        opened = open_video(self.path, chosen.pose.reader, limits, chosen.options, chosen.video)
         with opened as video:
             frames: Iterator[Frame] = pictures(video)
             yield from paced(frames) if self.paced else frames

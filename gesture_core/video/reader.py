@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import Video, VideoReader
+    from gesture_core.settings.schema import VideoSettings
 
 Options = Mapping[str, Mapping[str, Any]]
 Picture = tuple[float, Callable[[], "np.ndarray | None"]]
@@ -34,7 +35,7 @@ def open_video(
     reader: str = "auto",
     limits: VideoLimits | None = None,
     options: Options | None = None,
-    fps: float | None = None,
+    rates: VideoSettings | None = None,
 ) -> Video:
     """Open a video for reading.
 
@@ -49,9 +50,8 @@ def open_video(
     limits : VideoLimits, optional
     options : mapping of mappings, optional
         Options of plugins by their name, as in `Settings.options`.
-    fps : float, optional
-        Frames a second, as in the setting ``video.fps``: the frames then come at this rate, whatever their
-        times in the file are.
+    rates : VideoSettings, optional
+        [video]: the frames a second of streams without times, or of every video.
 
     Raises
     ------
@@ -67,25 +67,32 @@ def open_video(
     name, chosen = _choose(reader, options or {})
     with calling(registry().find("video", name), passing=(OSError,)):
         video = chosen.open(Path(path), limits or VideoLimits())
-    return video if fps is None else _Paced(video, fps)
+    if rates is None or (rates.fps is None and rates.retime is None):
+        return video
+    return _Paced(video, rates.fps, rates.retime)
 
 
 class _Paced:
-    """A video whose frames come at a rate that the user gave."""
+    """A video whose frames come at a rate that the user gave, unless that is for others."""
 
-    def __init__(self, video: Video, fps: float) -> None:
+    def __init__(self, video: Video, fps: float | None, retime: float | None) -> None:
         self._video = video
-        self._fps = fps
+        self._timed = not video.report.assumed
+        self._retime = retime
+        self._fps = retime or (None if self._timed else fps)
 
     @property
     def info(self) -> VideoInfo:
-        return replace(self._video.info, fps=self._fps)
+        return replace(self._video.info, fps=self._fps) if self._fps else self._video.info
 
     @property
     def report(self) -> VideoReport:
         found = self._video.report
-        instead = "" if found.assumed else " instead of its own times"
-        return replace(found, assumed=f"{self._fps:g} frames/s{instead} (video.fps)")
+        if not self._fps:
+            return replace(found, assumed="its own times, not video.fps (video.retime replaces them)")
+        instead = " instead of its own times" if self._timed else ""
+        key = "video.retime" if self._retime else "video.fps"
+        return replace(found, assumed=f"{self._fps:g} frames/s{instead} ({key})")
 
     def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
         for time, convert in self.pictures():
@@ -93,8 +100,8 @@ class _Paced:
                 yield time, frame
 
     def pictures(self) -> Iterator[Picture]:
-        for number, (_, convert) in enumerate(pictures(self._video)):
-            yield number / self._fps, convert
+        for number, (time, convert) in enumerate(pictures(self._video)):
+            yield number / self._fps if self._fps else time, convert
 
     def __enter__(self) -> Self:
         self._video.__enter__()
@@ -158,7 +165,7 @@ def at_rate(pictures: Iterable[Picture], rate: float | None) -> Iterator[tuple[f
         if not before <= time < math.inf:
             raise MediaError(
                 f"its reader gives a frame the time {time} after {before}",
-                remedy="another --set pose.reader=…, or --set video.fps=RATE",
+                remedy="another --set pose.reader=…, or --set video.retime=RATE",
                 code="E_MEDIA_BROKEN",
             )
         if first is None:

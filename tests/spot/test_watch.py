@@ -333,7 +333,7 @@ def test_pixels_as_live_have_the_events_of_spot(
     drawn: DemoArchive, film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """With the packaged network, whose live keypoints cannot know the frames to come."""
-    changes = ["--set", "spot.tempos=", "--set", "spot.live=true"]
+    changes = ["--set", "spot.tempos=", "--set", "spot.live=true", "--set", "pose.rate=20"]
     out = tmp_path / "run"
     assert gesture(["spot", str(film), "--examples", str(drawn.examples), "--out", str(out), *changes]) == 0
     rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]

@@ -15,7 +15,9 @@ from clips import SIZE, picture, write_clip
 
 from gesture_core.errors import MediaError
 from gesture_core.plugin.interfaces import VideoInfo, VideoLimits, VideoReport
+from gesture_core.settings.schema import VideoSettings
 from gesture_core.video import open_video
+from gesture_core.video.integrity.matroska import track_types
 
 av = pytest.importorskip("av", reason="clips are made with PyAV")
 if TYPE_CHECKING:
@@ -36,8 +38,8 @@ class Read:
         return "; ".join(self.report.notes)
 
 
-def read(path: Path, reader: str = "pyav", fps: float | None = None) -> Read:
-    with open_video(path, reader, VideoLimits(), fps=fps) as video:
+def read(path: Path, reader: str = "pyav", rates: VideoSettings | None = None) -> Read:
+    with open_video(path, reader, VideoLimits(), rates=rates) as video:
         items = list(video)
         assert all(frame.shape == (video.info.height, video.info.width, 3) for _, frame in items)
         return Read(video.info, [at for at, _ in items], [frame for _, frame in items], video.report)
@@ -195,13 +197,20 @@ def test_a_stream_that_says_nothing_of_its_rate(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("suffix", ["h264", "mp4"])
-def test_the_setting_overrides_times_and_says_so(tmp_path: Path, reader: str, suffix: str) -> None:
+def test_the_settings_give_times_and_say_so(tmp_path: Path, reader: str, suffix: str) -> None:
     write_clip(tmp_path / f"v.{suffix}", "h264", frames=20, fps=50)
-    found = read(tmp_path / f"v.{suffix}", reader, fps=10)
+    found = read(tmp_path / f"v.{suffix}", reader, VideoSettings(retime=10))
     np.testing.assert_allclose(found.times, np.arange(20) / 10, atol=1e-9)
     assert found.info.fps == 10 and found.report.complete
     instead = " instead of its own times" if suffix == "mp4" else ""
-    assert found.report.assumed == f"10 frames/s{instead} (video.fps)"
+    assert found.report.assumed == f"10 frames/s{instead} (video.retime)"
+    own = read(tmp_path / f"v.{suffix}", reader, VideoSettings(fps=10))
+    if suffix == "mp4":  # its own times stay: an archive of streams may have examples that have some
+        np.testing.assert_allclose(own.times, np.arange(20) / 50, atol=0.001)
+        assert own.info.fps == 50 and "its own times, not video.fps" in own.report.assumed
+    else:
+        np.testing.assert_allclose(own.times, found.times)
+        assert own.report.assumed == "10 frames/s (video.fps)"
 
 
 @pytest.mark.parametrize("reader", READERS)
@@ -267,6 +276,19 @@ def test_cover_art_is_no_video_and_does_not_hide_one(tmp_path: Path) -> None:
     with pytest.raises(MediaError) as caught:
         read(write_tracks(tmp_path / "c.mp4", [cover]))
     assert caught.value.code == "E_MEDIA_NO_VIDEO"
+
+
+def test_what_looks_like_a_track_among_the_data_is_none(tmp_path: Path) -> None:
+    path = write_tracks(tmp_path / "v.mkv", [CLIP, Track(size=(32, 32))])
+    with path.open("rb") as file:
+        assert track_types(file) == [1, 1]
+    path = write_tracks(tmp_path / "v.mkv", [CLIP])
+    path.write_bytes(path.read_bytes() + b"\x86\x85V_VP8\xae\x83\x83\x81\x01" * 3)
+    assert not any("video streams" in note for note in read(path, "opencv").notes)
+    for cut in range(0, path.stat().st_size, 97):
+        (tmp_path / "cut.mkv").write_bytes(path.read_bytes()[:cut])
+        with (tmp_path / "cut.mkv").open("rb") as file:
+            assert len(track_types(file)) <= 1
 
 
 @pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi"])

@@ -130,7 +130,7 @@ def cut(
     limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
     heard = Sound(path) if sound else None
     try:
-        with open_video(path, settings.pose.reader, limits, settings.options, settings.video.fps) as video:
+        with open_video(path, settings.pose.reader, limits, settings.options, settings.video) as video:
             unsaid = 0
             for time, convert in pictures(video):
                 unsaid += 1

@@ -79,7 +79,7 @@ def lasts(worker: Worker, path: str) -> float | None:
 
     chosen = worker.settings
     limits = VideoLimits(chosen.limits.pixels, chosen.limits.frames)
-    with open_video(decoded(path), chosen.pose.reader, limits, chosen.options, chosen.video.fps) as video:
+    with open_video(decoded(path), chosen.pose.reader, limits, chosen.options, chosen.video) as video:
         info = video.info
     return info.frames_declared / info.fps if info.frames_declared and info.fps else None
 

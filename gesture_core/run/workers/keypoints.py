@@ -198,7 +198,7 @@ class KeypointExtractor:
         from gesture_core.video import open_video
 
         limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-        with open_video(path, settings.pose.reader, limits, settings.options, settings.video.fps) as video:
+        with open_video(path, settings.pose.reader, limits, settings.options, settings.video) as video:
             frames = _Looked(video, settings.pose.rate, self._report)
             with calling(registry().find("pose", settings.pose.backend), passing=(OSError,)):
                 sequences = extract_poses(
@@ -368,7 +368,7 @@ class _Looked:
         """What a clock that stands still means for what is looked at."""
         return (
             f"{self.repeated} frames have the time of the one before, and pose.rate looks at one of them; "
-            "try: --set video.fps=RATE, or --set pose.rate=none"
+            "try: --set video.retime=RATE, or --set pose.rate=none"
         )
 
     def flush(self) -> None:

@@ -194,5 +194,5 @@ def open_cuts(path: Path, settings: Settings) -> Iterator[tuple[float, np.ndarra
     from gesture_core.video import at_rate, open_video, pictures
 
     limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-    with open_video(path, settings.pose.reader, limits, settings.options, settings.video.fps) as video:
+    with open_video(path, settings.pose.reader, limits, settings.options, settings.video) as video:
         yield from at_rate(pictures(video), RATE)

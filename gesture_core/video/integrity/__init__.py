@@ -135,6 +135,12 @@ class Integrity:
         plausible = tabled and 0 < rate <= MAX_FPS and 0 < count * _MIN_BYTES_PER_FRAME <= size
         return int(count) if plausible else None
 
+    def track_types(self) -> list[int]:
+        """The types of a Matroska file's tracks: 1 pictures, 2 sound, 17 subtitles."""
+        from gesture_core.video.integrity.matroska import track_types
+
+        return track_types(self.file)
+
     def compare_packets(
         self,
         *,

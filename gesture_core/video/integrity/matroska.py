@@ -6,6 +6,7 @@ that a flipped bit in a block's header loses its frame unnoticed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -28,6 +29,8 @@ _GROUP_BEGINS, _VOID, _CHECKSUM = b"\xa0", b"\xec", b"\xbf"
 _ENTERED = frozenset((_SEGMENT, _CLUSTER_BEGINS, _GROUP_BEGINS))
 # A block without a picture has only its own header: track, time, flags.
 _EMPTY = 4
+_TRACKS, _TRACK, _TRACK_TYPE = bytes.fromhex("1654ae6b"), b"\xae", b"\x83"
+_MAX_HEADER = 4 << 20
 _MAX_ELEMENTS = 5_000_000
 
 
@@ -77,6 +80,39 @@ def read_blocks(file: BinaryIO) -> Blocks:
     if short > 0:
         return Blocks(f"its segment ends {short} bytes after the file", count, voids)
     return Blocks("", count, voids, closed=segment is not None and at >= segment)
+
+
+def track_types(file: BinaryIO) -> list[int]:
+    """The type of each track (1 pictures, 2 sound, 17 subtitles) that is listed before the first cluster.
+
+    What follows is data, in which any bytes may be. The position of the file is kept.
+    """
+    place, end, at = file.tell(), file.seek(0, 2), 0
+    found: list[int] = []
+    while at < min(end, _MAX_HEADER):
+        file.seek(at)
+        name, size, own = _header(file.read(12))
+        if name == _TRACKS:
+            file.seek(at + own)
+            tracks = _elements(file.read(min(size or 0, _MAX_HEADER)))
+            kinds = [dict(_elements(track)).get(_TRACK_TYPE, b"") for name, track in tracks if name == _TRACK]
+            found = [int.from_bytes(kind[:8], "big") for kind in kinds]
+        if not name or name in (_TRACKS, _CLUSTER_BEGINS) or (size is None and name != _SEGMENT):
+            break
+        at += own + (0 if name == _SEGMENT else size or 0)
+    file.seek(place)
+    return found
+
+
+def _elements(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Name and content of each element in ``data``; ends where none begins."""
+    at = 0
+    while at < len(data):
+        name, size, own = _header(data[at : at + 12])
+        if not name or size is None:
+            return
+        yield name, data[at + own : at + own + size]
+        at += own + size
 
 
 def _header(head: bytes) -> tuple[bytes, int | None, int]:

@@ -29,7 +29,6 @@ _RETRIES = 16
 # What marks a picture track in the header of a container, and what marks other tracks.
 _PICTURE_TRACKS = {
     "mov": (rb"hdlr.{8}vide", rb"hdlr.{8}(soun|subt|text)"),
-    "matroska": (rb"\x86[\x80-\xff]V_", rb"\x86[\x80-\xff][AS]_"),
     "avi": (rb"strh.{4}vids", rb"strh.{4}auds"),
 }
 _SEARCHED = 4 << 20
@@ -97,7 +96,10 @@ class OpenCvDecoder(VideoDecoder):
         )
 
     def _tracks(self) -> tuple[int, int]:
-        """Number of picture tracks and of others, as far as a header that is not parsed tells."""
+        """Number of picture tracks and of others; where it is no Matroska file, as far as marks tell."""
+        if self.container == "matroska":
+            types = self._integrity.track_types()
+            return types.count(1), len(types) - types.count(1)
         marks = _PICTURE_TRACKS.get(self.container)
         if marks is None:
             return 0, 0
