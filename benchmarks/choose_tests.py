@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ def _right(
     labels: np.ndarray, distances: np.ndarray, queries: np.ndarray, examples: np.ndarray
 ) -> list[bool]:
     classes, codes = np.unique(labels, return_inverse=True)
-    chosen, own = load_settings("modern").classify, codes[examples]
+    chosen, own = replace(load_settings("modern").classify, landmarks=len(labels)), codes[examples]
     weights = learn(own, len(classes), chosen, distances[np.ix_(examples, examples)])[2]
     votes = votes_of(distances[np.ix_(queries, examples)], own, len(classes), chosen.neighbors, weights)
     return list((votes.winners >= 0) & (classes[votes.winners] == labels[queries]))

@@ -133,6 +133,7 @@ def test_the_plugins_of_the_chain_are_one_list() -> None:
         ("filter", "gaussian"),
         ("filter", "resample"),
         ("filter", "parts"),
+        ("filter", "parts:spot"),
     ]
     twice = load("filters=gaussian,gaussian:wide", "kernel=numpy").plugins()
     assert twice[2:] == [("filter", "gaussian"), ("filter", "gaussian:wide"), ("kernel", "numpy")]

@@ -10,7 +10,7 @@ import numpy as np
 
 from gesture_core.classify.comparison import compare, is_still
 from gesture_core.classify.decision import refusals, temperature_of, votes_of
-from gesture_core.classify.learning import learn, medoids, needs_distances
+from gesture_core.classify.learning import landmarks, learn, medoids, needs_distances
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.settings import ClassifySettings, Settings
 from gesture_core.signals.chain import Chain
@@ -331,7 +331,8 @@ def answer(
     if calibrate and protocol == "leave-one-out":
         temperature = _temperature(within, codes, len(classes), chosen)
     for fold in folds(protocol, codes, subjects, within, train):
-        among = within[np.ix_(fold.train, fold.train)] if needs_distances(chosen) else None
+        marks = fold.train[landmarks(codes[fold.train], chosen)]
+        among = within[np.ix_(fold.train, marks)] if needs_distances(chosen) else None
         kept, thresholds, weights = learn(codes[fold.train], len(classes), chosen, among)
         examples = fold.train[kept]
         block = within[np.ix_(fold.test, examples)]

@@ -72,12 +72,18 @@ class ExampleWeights:
 
 
 def learn_weights(
-    within: np.ndarray, codes: np.ndarray, classes: int, sharpness: float, shrinkage: float
+    within: np.ndarray,
+    codes: np.ndarray,
+    classes: int,
+    sharpness: float,
+    shrinkage: float,
+    marks: np.ndarray | None = None,
 ) -> ExampleWeights:
-    """Learn how much each example counts from the (N, N) distances among them and their (N,) codes.
+    """Learn how much each example counts from the distances among them and their (N,) codes.
 
-    ``sharpness`` says how fast a similarity falls with the distance, ``shrinkage`` is the penalty on
-    the squared weights; both are above zero.
+    ``within`` are the (N, M) distances of all of them to those at the (M,) ``marks``, which queries are
+    compared with; without marks, to all. ``sharpness`` says how fast a similarity falls with the distance,
+    ``shrinkage`` is the penalty on the squared weights; both are above zero.
 
     Notes
     -----
@@ -86,7 +92,8 @@ def learn_weights(
     distance of the examples of other classes to it, so that an example which is far from everything,
     or near to everything, counts no more for that; the scale of a query is not known, and the median
     over the examples stands for it. Scales are never zero: where an example has no such distance, or
-    only copies, the median stands for it too, and 1 where there is none at all.
+    only copies, the median stands for it too, and 1 where there is none at all. That of an example which
+    is no mark is its own median distance to the marks of other classes.
 
     The weights are the least-squares solution of K W = T with a ridge, where K holds the
     similarities among the examples and T is 1 for members of a class and 0 for others, less the
@@ -98,27 +105,34 @@ def learn_weights(
     often than by the nearest example; with the square root it takes what is not its own.
     """
     codes = np.asarray(codes, np.int64)
-    scales = np.full(len(codes), np.nan)
-    for column, code in enumerate(codes):
-        others = within[codes != code, column]
-        others = others[np.isfinite(others) & (others > _LEAST)]
-        if len(others):
-            scales[column] = np.median(others)
-    known = scales[np.isfinite(scales)]
-    usual = float(np.median(known)) if len(known) else 1.0
-    # Roots one by one: the product of two scales may be more than float64 holds.
-    roots = np.sqrt(np.where(np.isfinite(scales), scales, usual))
+    marks = np.arange(len(codes)) if marks is None else marks
     distances = np.array(within, np.float64)
-    np.fill_diagonal(distances, 0.0)
-    similarity = np.exp(-_exponents(distances, roots[:, None] * roots[None], sharpness))
+    distances[marks, np.arange(len(marks))] = 0.0
+    others = np.where(codes[:, None] != codes[marks], distances, np.nan)
+    others[~np.isfinite(others) | (others <= _LEAST)] = np.nan
+    scales, usual = _scales(others.T)
+    # Roots one by one: the product of two scales may be more than float64 holds.
+    roots, rows = np.sqrt(scales), np.sqrt(_scales(others, usual)[0])
+    rows[marks] = roots
+    similarity = np.exp(-_exponents(distances, rows[:, None] * roots, sharpness))
     members = np.bincount(codes, minlength=classes).astype(np.float64)
     met = members > 0
     targets = np.where(met, -1 / met.sum(), 0.0)[None].repeat(len(codes), axis=0)
     scarcity = members[met].mean() / members[codes]
     targets[np.arange(len(codes)), codes] += scarcity**0.25
     counted = similarity.T * scarcity
-    weights = np.linalg.solve(counted @ similarity + shrinkage * np.eye(len(codes)), counted @ targets)
+    weights = np.linalg.solve(counted @ similarity + shrinkage * np.eye(len(marks)), counted @ targets)
     return ExampleWeights(roots * np.sqrt(usual), weights, sharpness)
+
+
+def _scales(others: np.ndarray, usual: float | None = None) -> tuple[np.ndarray, float]:
+    """The median of what each row holds beside NaN, and the usual one, which stands where it holds none."""
+    scales = np.full(len(others), np.nan)
+    held = np.isfinite(others).any(axis=1)
+    scales[held] = np.nanmedian(others[held], axis=1)
+    if usual is None:
+        usual = float(np.median(scales[held])) if held.any() else 1.0
+    return np.where(held, scales, usual), usual
 
 
 def _exponents(distances: np.ndarray, scales: np.ndarray, sharpness: float) -> np.ndarray:
@@ -128,18 +142,35 @@ def _exponents(distances: np.ndarray, scales: np.ndarray, sharpness: float) -> n
     return exponents
 
 
+def landmarks(codes: np.ndarray, chosen: ClassifySettings) -> np.ndarray:
+    """Indices of the examples with the given (N,) codes that the others have to be compared with.
+
+    All of them, or as many as ``classify.landmarks`` allows: of each class its share, one at least, evenly
+    spread. A Nystrom approximation (Williams and Seeger 2001) of the similarities among all.
+    """
+    if chosen.neighbors != 0 or chosen.representative or len(codes) <= chosen.landmarks:
+        return np.arange(len(codes))
+    marks = []
+    for code in np.unique(codes):
+        own = np.flatnonzero(codes == code)
+        count = max(1, chosen.landmarks * len(own) // len(codes))
+        marks.append(own[np.linspace(0, len(own) - 1, count).round().astype(int)])
+    return np.sort(np.concatenate(marks))
+
+
 def learn(
     codes: np.ndarray, classes: int, chosen: ClassifySettings, within: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray | None, ExampleWeights | None]:
     """What the settings ask for of examples with the given (N,) codes, 0 to ``classes - 1``.
 
-    ``within`` are the (N, N) distances among them, row example as the query; the diagonal is ignored.
-    `needs_distances` tells where they may be left out. A class may have no example.
+    ``within`` are the (N, M) distances of all of them to their `landmarks`, row example as the query; those
+    of an example to itself are ignored. `needs_distances` tells where they may be left out. A class may
+    have no example.
 
     Returns
     -------
-    kept : (M,) int64
-        The examples that queries are compared with: all, or the medoid of each class.
+    kept : (K,) int64
+        The examples that queries are compared with: the landmarks, or the medoid of each class.
     thresholds : (C,) float array or None
         Largest distance at which each class gives its label.
     weights : ExampleWeights or None
@@ -150,19 +181,23 @@ def learn(
     ConfigError
         E_REJECT where a threshold cannot be calibrated.
     """
-    kept = np.arange(len(codes))
+    kept = landmarks(codes, chosen)
     thresholds = None if chosen.reject is None else np.full(classes, chosen.reject)
     if within is None:
         return kept, thresholds, None
     if chosen.representative:
         kept = medoids(within, codes)
+        within = within[:, kept]
     if chosen.reject_sd is not None:
         own = calibrated_thresholds(within, codes, classes, chosen.reject_sd, kept)
         thresholds = own if thresholds is None else np.minimum(thresholds, own)
     if chosen.neighbors != 0:
         return kept, thresholds, None
-    among = within[np.ix_(kept, kept)]
-    return kept, thresholds, learn_weights(among, codes[kept], classes, chosen.sharpness, chosen.shrinkage)
+    marks = kept
+    if chosen.representative:  # the medoids alone, as if there were no other examples
+        within, codes, marks = within[kept], codes[kept], np.arange(len(kept))
+    weights = learn_weights(within, codes, classes, chosen.sharpness, chosen.shrinkage, marks)
+    return kept, thresholds, weights
 
 
 def needs_distances(chosen: ClassifySettings) -> bool:
@@ -195,7 +230,7 @@ def medoids(distances: np.ndarray, codes: np.ndarray) -> np.ndarray:
 
 
 def calibrated_thresholds(
-    within: np.ndarray, codes: np.ndarray, classes: int, sd: float, kept: np.ndarray | None = None
+    within: np.ndarray, codes: np.ndarray, classes: int, sd: float, kept: np.ndarray
 ) -> np.ndarray:
     """(C,) threshold of each class from the distances among its examples.
 
@@ -203,7 +238,7 @@ def calibrated_thresholds(
     taken, of those that are ``kept``: the same quantity that a query of the class will have. The
     threshold is their mean plus ``sd`` standard deviations (Gillian, Knapp and O'Modhrain 2011). A
     class with fewer than three such distances has no deviation of its own and takes the threshold of
-    all classes together. Arguments are those of `learn`; without ``kept``, all examples are.
+    all classes together. ``within`` are the (N, K) distances of all examples to those at ``kept``.
 
     Raises
     ------
@@ -211,10 +246,8 @@ def calibrated_thresholds(
         E_REJECT where no class has two examples that can be compared.
     """
     own = np.where(np.isnan(within), np.inf, within).astype(np.float64)
-    own = np.where(codes[:, None] == codes[None, :], own, np.inf)
-    np.fill_diagonal(own, np.inf)
-    if kept is not None:
-        own[:, np.isin(np.arange(len(codes)), kept, invert=True)] = np.inf
+    own = np.where(codes[:, None] == codes[kept], own, np.inf)
+    own[kept, np.arange(len(kept))] = np.inf
     nearest = own.min(axis=1)
     known = np.isfinite(nearest)
     if not known.any():

@@ -21,7 +21,7 @@ from gesture_core.classify.comparison import Comparison, check_alike, check_sett
 from gesture_core.classify.decision import decide, temperature_of, votes_of
 from gesture_core.classify.examples import ExampleLibrary, warn_of_contradictions
 from gesture_core.classify.known import KnownDistances
-from gesture_core.classify.learning import ExampleWeights, learn, needs_distances
+from gesture_core.classify.learning import ExampleWeights, landmarks, learn, needs_distances
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable, read_arrays, write_arrays
 from gesture_core.plugin import registry
@@ -110,13 +110,15 @@ class Recognizer:
                 code="E_NEIGHBORS",
             )
         warn_of_contradictions(library, stacklevel + 1)
-        comparison = Comparison(library.series, settings, known)
+        marks = landmarks(library.codes, chosen)
+        comparison = Comparison([library.series[i] for i in marks], settings, known)
         within = _among(library.series, comparison, alive) if needs_distances(chosen) else None
         kept, thresholds, weights = learn(library.codes, len(library.classes), chosen, within)
-        if chosen.representative:
+        if len(kept) < len(library):
+            if chosen.representative:
+                comparison = Comparison([library.series[i] for i in kept], settings, known)
+            within = None if within is None else within[np.ix_(kept, np.isin(marks, kept))]
             library = library.take(kept)
-            comparison = Comparison(library.series, settings, known)
-            within = None if within is None else within[np.ix_(kept, kept)]
         fitted = cls(settings, library, kept, thresholds, weights, comparison, within)
         return fitted if chosen.confidence is None else replace(fitted, calibrated=fitted.temperature)
 

@@ -68,11 +68,11 @@ def render(
     limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
     with open_video(video, settings.pose.reader, limits, settings.options, settings.video) as frames:
         tags = [f"{person.person} {labels.get(person.person, '')}".strip() for person in found]
-        drawn = overlay(frames, found, tags if labels or len(found) > 1 else ())
+        shown = tags if labels or len(found) > 1 else ()
         if target.suffix.lower() == ".mp4":
-            count = write_video(drawn, target)
-        else:
-            count = write_strip(cropped(drawn, found), target)
+            count = write_video(overlay(frames, found, shown), target)
+        else:  # cropped first, so that what is written above a person is inside
+            count = write_strip(overlay(*cropped(frames, found), shown), target)
     longest = max(sequence.frames_with_pose for sequence in found)
     who = "1 person" if len(found) == 1 else f"{len(found)} tracks of people, the longest"
     of = "them" if looked_at == count else f"the {looked_at} that are looked at (pose.rate)"

@@ -106,11 +106,8 @@ class StreamStep(Protocol):
     Any other step is taken as it is: what it makes of a frame should depend on the frames near it alone.
     """
 
-    def on_stream(self, mean: float) -> Self:
-        """The same step with nothing in it that needs the whole sequence.
-
-        Where it subtracts a mean, that of ``mean`` seconds around each frame; none where that is zero.
-        """
+    def on_stream(self) -> Self:
+        """The same step with nothing in it that needs the whole sequence."""
         ...
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,9 @@ def draw_tag(frame: np.ndarray, keypoints: np.ndarray, text: str, colour: Colour
     cv2.rectangle(frame, (left, top), (right, bottom), colour, thick, cv2.LINE_AA)
     shown = text.encode("ascii", "replace").decode()
     (width, height), below = cv2.getTextSize(shown, cv2.FONT_HERSHEY_SIMPLEX, size, thick)
+    if width > wide - 4:  # smaller, rather than cut off
+        size *= (wide - 4) / width
+        (width, height), below = cv2.getTextSize(shown, cv2.FONT_HERSHEY_SIMPLEX, size, thick)
     left = max(0, min(left, wide - width - 4))
     base = max(top - below, height + 2)
     cv2.rectangle(frame, (left, base - height - 2), (left + width + 4, base + below), colour, -1)
@@ -122,8 +126,8 @@ def overlay(
 
 def cropped(
     frames: Iterable[tuple[float, np.ndarray]], poses: Sequence[PoseSequence], margin: float = 0.15
-) -> Iterator[tuple[float, np.ndarray]]:
-    """The frames, cropped to where the people of ``poses`` are in all their time.
+) -> tuple[Iterator[tuple[float, np.ndarray]], list[PoseSequence]]:
+    """The frames, cropped to where the people of ``poses`` are in all their time; and the poses in them.
 
     Parameters
     ----------
@@ -134,8 +138,9 @@ def cropped(
         On each side, as a share of the longer side of that place.
     """
     place = room_around([pose.box for pose in poses if pose.box], margin)
-    for time, frame in frames:
-        yield time, frame[place]
+    corner = np.array([place[1].start, place[0].start], np.float32)
+    moved = [replace(pose, keypoints=pose.keypoints - corner, frame_size=None) for pose in poses]
+    return ((time, frame[place]) for time, frame in frames), moved
 
 
 def write_strip(

@@ -207,7 +207,7 @@ def fit_spotter(
             failed.append(f"{item.name}: {why}")
     from gesture_core.spot.signals import stream_chain
 
-    chain = stream_chain(settings, 0.0)
+    chain = stream_chain(settings)
     usable = []
     for item in readable:
         try:

@@ -143,6 +143,9 @@ class ClassifySettings(_Section):
         another class at its usual distance.
     shrinkage : float
         With ``neighbors = 0``: penalty on the squared weights; more makes all examples more alike.
+    landmarks : int
+        With ``neighbors = 0``: of more examples than this, those that queries are compared with, spread
+        evenly over each class in the order of the examples; what they count for is learned from all.
     reject : None or float
         Distances above this get no label.
     reject_sd : None or float
@@ -178,6 +181,7 @@ class ClassifySettings(_Section):
     neighbors: int = 1
     sharpness: float = 3.0
     shrinkage: float = 0.1
+    landmarks: int = 512
     reject: float | None = None
     reject_sd: float | None = None
     margin: float | None = None
@@ -197,9 +201,9 @@ class SpotSettings(_Section):
 
     Attributes
     ----------
-    mean : float
-        Seconds of the mean around each frame that channels without a fixed place lose; 0 for none,
-        as a live stream always has it.
+    chain : tuple of str
+        Filters instead of ``signals.filters``, where there are any: what tells a gesture from the next moment
+        should depend on that moment alone.
     floor : float
         Added to the variances of example and event before they divide a cost, in the squared unit of
         the signals, so that a held gesture is not compared by its noise.
@@ -207,8 +211,9 @@ class SpotSettings(_Section):
         Lengths, as parts of its own, at which every example is looked for besides.
     threshold : None or float
         Distance up to which an event is reported; None takes one for each class from the examples.
-    deviations : float
-        With ``threshold = none``: standard deviations above the mean distance between examples of one class.
+    tolerance : float
+        With ``threshold = none``: how far an event may be, as a share of the usual distance between examples
+        of its class.
     overlap : float
         Share of the shorter of two events by which they may overlap.
     verify : bool
@@ -224,11 +229,11 @@ class SpotSettings(_Section):
         Find in a recording what would have been found while it went on: nothing is known of later frames.
     """
 
-    mean: float = 3.0
+    chain: tuple[str, ...] = ()
     floor: float = 0.01
     tempos: tuple[float, ...] = (0.6, 1.6)
     threshold: float | None = None
-    deviations: float = 1.0
+    tolerance: float = 0.9
     overlap: float = 0.3
     verify: bool = True
     patience: float | None = None
@@ -286,6 +291,7 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "classify.neighbors": (0, 1e9),
     "classify.sharpness": (0.01, 100),
     "classify.shrinkage": (1e-6, 1e6),
+    "classify.landmarks": (1, 1e9),
     "classify.reject": (-_INFINITE, _INFINITE),
     "classify.reject_sd": (0, _INFINITE),
     "classify.margin": (0, _INFINITE),
@@ -294,10 +300,9 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "classify.mirror": (1, _INFINITE),
     "classify.relative": (0, 1),
     "classify.rest": (0, _INFINITE),
-    "spot.mean": (0, 3600),
     "spot.floor": (0, _INFINITE),
     "spot.threshold": (0, _INFINITE),
-    "spot.deviations": (0, 100),
+    "spot.tolerance": (0, 100),
     "spot.overlap": (0, 1),
     "spot.patience": (0, 3600),
     "spot.merge": (0, 60),
@@ -344,7 +349,7 @@ class Settings:
         """
         chosen = self.signals
         steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
-        for name in chosen.filters:
+        for name in dict.fromkeys([*chosen.filters, *self.spot.chain]):
             steps.append(("filter", name))
         kernel = self.classify.kernel
         return steps if kernel in ("", "auto") else [*steps, ("kernel", kernel)]

@@ -63,10 +63,10 @@ class Chain:
         """
         chosen = settings.signals
         rule = GapRule(chosen.max_gap, chosen.min_seen, chosen.min_frames, settings.classify.min_pose)
+        steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
         normalizer, selector, *filters = [
             registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
-            for kind, name in settings.plugins()
-            if kind != "kernel"
+            for kind, name in [*steps, *(("filter", name) for name in chosen.filters)]
         ]
         return cls(normalizer, tuple(filters), selector, rule, chosen.still == "posture", chosen.repair)
 

@@ -8,6 +8,9 @@ import numpy as np
 
 from gesture_core.spot.examples import SpottingExamples
 
+_AROUND = 2
+"""Frames before and after an end that must be farther: each candidate costs the classifier a look."""
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -23,7 +26,7 @@ class Candidate:
     example : int
         The nearest one.
     rank : float
-        Lower is better: the distance, less the margin by which the classifier agrees.
+        Lower is better: the distance, larger the less the classifier is sure of the class.
     """
 
     start: float
@@ -47,11 +50,11 @@ class Search:
     examples : SpottingExamples
     present : (D,) bool
         Channels that the stream has.
-    worst : float
-        Distance above which no subsequence is a candidate.
+    worst : float or (C,) float array
+        Distance to each class above which no subsequence is a candidate.
     """
 
-    def __init__(self, examples: SpottingExamples, present: np.ndarray, worst: float) -> None:
+    def __init__(self, examples: SpottingExamples, present: np.ndarray, worst: np.ndarray | float) -> None:
         self._looking = examples.look_into(present)
         self._example, self._worst = examples.example, worst
         classes, codes = len(examples.classes), examples.code_of_series()
@@ -59,11 +62,11 @@ class Search:
             [np.flatnonzero(codes[members] == code) for code in range(classes)]
             for members, _, _ in self._looking
         ]
-        # The two frames before the next one: each class's distance, series and begin, and their times.
-        self._best: np.ndarray = np.full((2, classes), np.inf)
-        self._series: np.ndarray = np.zeros((2, classes), np.int64)
-        self._begin: np.ndarray = np.zeros((2, classes))
-        self._keep = 2 * max(map(len, examples.series)) + 2
+        # The frames before the next one: each class's distance, series and begin, and their times.
+        self._best: np.ndarray = np.full((2 * _AROUND, classes), np.inf)
+        self._series: np.ndarray = np.zeros((2 * _AROUND, classes), np.int64)
+        self._begin: np.ndarray = np.zeros((2 * _AROUND, classes))
+        self._keep = 2 * max(map(len, examples.series)) + 2 * _AROUND
         self._times: np.ndarray = np.zeros(self._keep)
 
     def push(self, values: np.ndarray, times: np.ndarray) -> list[list[Candidate]]:
@@ -91,23 +94,26 @@ class Search:
 
     def finish(self) -> list[Candidate]:
         """Candidates that end with the last frame."""
-        self._times = np.append(self._times, self._times[-1])
-        nothing: np.ndarray = np.full((1, self._best.shape[1]), np.inf)
-        return self._minima(nothing, np.zeros(nothing.shape, np.int64), np.zeros(nothing.shape))[0]
+        self._times = np.append(self._times, self._times[[-1] * _AROUND])
+        nothing: np.ndarray = np.full((_AROUND, self._best.shape[1]), np.inf)
+        found = self._minima(nothing, np.zeros(nothing.shape, np.int64), np.zeros(nothing.shape))
+        return [one for some in found for one in some]
 
     def _minima(self, best: np.ndarray, series: np.ndarray, begin: np.ndarray) -> list[list[Candidate]]:
-        """Candidates that end one frame before each of the new ones."""
+        """Candidates that end `_AROUND` frames before each of the new ones."""
         found: list[list[Candidate]] = [[] for _ in best]
-        ends = self._times[-len(best) - 1 : -1]
+        ends = self._times[-len(best) - _AROUND : -_AROUND]
         self._best = np.concatenate([self._best, best])
         self._series = np.concatenate([self._series, series])
         self._begin = np.concatenate([self._begin, begin])
-        middle = self._best[1:-1]
-        low = (middle <= self._best[:-2]) & (middle < self._best[2:]) & (middle <= self._worst)
+        middle = self._best[_AROUND:-_AROUND]
+        least = np.lib.stride_tricks.sliding_window_view(self._best, _AROUND, axis=0).min(axis=-1)
+        low = (middle <= least[: len(best)]) & (middle < least[_AROUND + 1 :]) & (middle <= self._worst)
         for frame, code in np.argwhere(low).tolist():
-            one = frame + 1
+            one = frame + _AROUND
             distance, example = float(self._best[one, code]), int(self._example[self._series[one, code]])
             start, end = float(self._begin[one, code]), float(ends[frame])
             found[frame].append(Candidate(start, end, code, distance, example, distance))
-        self._best, self._series, self._begin = self._best[-2:], self._series[-2:], self._begin[-2:]
+        kept = slice(-2 * _AROUND, None)
+        self._best, self._series, self._begin = self._best[kept], self._series[kept], self._begin[kept]
         return found

@@ -23,7 +23,9 @@ NONE = "_none"
 _COMMON = 0.5
 """Share of an example's variance that the channels must hold which the stream has as well."""
 _MEMBERS = 3
-"""Distances inside a class from which on it has a threshold of its own."""
+"""Examples with others of their class from which on it has a threshold of its own."""
+_COPY = 0.02
+"""Distance up to which an example is a copy of another one: the same clip, encoded or cut again."""
 _PART = 0.5
 """Of one example that another must cover for their distance to count."""
 _FALLBACK = 0.5
@@ -75,10 +77,9 @@ class SpottingExamples:
         labels: Sequence[str],
         names: Sequence[str] | None = None,
         *,
-        live: bool = False,
         alive: Callable[[], None] = lambda: None,
     ) -> SpottingExamples:
-        """Take clips of one gesture each; ``live`` ones have no means subtracted, as streams have not."""
+        """Take clips of one gesture each."""
         if not poses or len(poses) != len(labels):
             raise InputError(f"{len(poses)} examples and {len(labels)} labels", code="E_EXAMPLES")
         names = tuple(names or [pose.source or str(n) for n, pose in enumerate(poses)])
@@ -88,7 +89,7 @@ class SpottingExamples:
                 f"every example is called {NONE}", remedy="examples of gestures", code="E_LABELS"
             )
         chosen = settings.spot
-        chain = stream_chain(settings, 0.0 if live else chosen.mean)
+        chain = stream_chain(settings)
         series, example = [], []
         for number, pose in enumerate(poses):
             for tempo in (1.0, *chosen.tempos):
@@ -146,21 +147,27 @@ class SpottingExamples:
         return looking
 
     def _with_thresholds(self, alive: Callable[[], None]) -> SpottingExamples:
-        """The same with thresholds: mean and deviation of the distances between a class's examples."""
+        """The same with thresholds: what is usual between the examples of a class.
+
+        For each example the median distance to the others of its class is taken. The nearest one is often
+        of the same person, and far nearer than anybody else will be; a copy is no other one.
+        """
         chosen = self.settings.spot
         within = self.distances_between(alive)
-        nearest: np.ndarray = np.full(len(self), np.inf)
+        usual: np.ndarray = np.full(len(self), np.nan)
         for number, code in enumerate(self.codes):
             others = within[number, (self.codes == code) & (np.arange(len(self)) != number)]
-            nearest[number] = others.min(initial=np.inf)
-        known = np.isfinite(nearest)
+            others = others[np.isfinite(others) & (others > _COPY)]
+            if len(others):
+                usual[number] = np.median(others)
+        known = np.isfinite(usual)
         thresholds: np.ndarray = np.full(len(self.classes), _FALLBACK)
         if known.any():
-            thresholds[:] = nearest[known].mean() + chosen.deviations * nearest[known].std()
+            thresholds[:] = chosen.tolerance * usual[known].mean()
             for code in range(len(self.classes)):
-                own = nearest[known & (self.codes == code)]
+                own = usual[known & (self.codes == code)]
                 if len(own) >= _MEMBERS:
-                    thresholds[code] = own.mean() + chosen.deviations * own.std()
+                    thresholds[code] = chosen.tolerance * own.mean()
         if chosen.threshold is not None:
             thresholds[:] = chosen.threshold
         return replace(self, thresholds=thresholds, calibrated=bool(known.any()))

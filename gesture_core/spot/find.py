@@ -59,7 +59,7 @@ class Query:
     pose : PoseSequence
         The clip.
     settings : Settings
-        ``spot.tempos``, ``.mean``, ``.floor``, ``.gap`` and ``.overlap`` have a meaning here.
+        ``spot.tempos``, ``.chain``, ``.floor``, ``.gap`` and ``.overlap`` have a meaning here.
     top : int
         How many places are kept.
 
@@ -75,7 +75,7 @@ class Query:
         spot = replace(settings.spot, verify=False, threshold=np.inf, live=False)
         self._settings = replace(settings, spot=spot)
         self._examples = SpottingExamples.fit(self._settings, [pose], ["query"], [pose.source])
-        self._chain = stream_chain(self._settings, spot.mean)
+        self._chain = stream_chain(self._settings)
         self._longest = 2 * max(map(len, self._examples.series)) + 2
         self._top = top
         self.hits: list[Hit] = []

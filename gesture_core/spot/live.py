@@ -27,7 +27,7 @@ class LiveSignals:
     Parameters
     ----------
     chain : Chain
-        From `signals.stream_chain`, without means.
+        From `signals.stream_chain`.
     gap : float
         Seconds without the person after which the stream begins anew.
 
@@ -58,8 +58,8 @@ class LiveSignals:
             now, seen = float(pose.times[place]), bool(pose.seen[place].any())
             known = self.pose.times[self.pose.seen.any(axis=1)]
             if len(known) and now - known[-1] > self._gap:
+                yield None  # whoever takes it may still need the keypoints, to judge the last candidates
                 self.clear()
-                yield None
             if not seen and len(self.pose) == 0:
                 continue
             kept = slice(int(np.searchsorted(self.pose.times, now - MEMORY)), None)

@@ -13,17 +13,17 @@ from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence
 
 
-def stream_chain(settings: Settings, mean: float) -> Chain:
-    """The chain of ``settings`` with nothing in it that needs a whole clip.
+def stream_chain(settings: Settings) -> Chain:
+    """The chain of ``settings`` for recordings: their filters, and nothing that needs a whole clip.
 
-    Means are those of ``mean`` seconds around each frame, none where it is zero. What stands still has
-    signals as well, as most of a long recording does.
+    What stands still has signals as well, as most of a long recording does.
     """
-    chain = Chain.from_settings(settings)
+    chosen = replace(settings.signals, filters=settings.spot.chain or settings.signals.filters)
+    chain = Chain.from_settings(replace(settings, signals=chosen))
     normalizer = chain.normalizer
     if isinstance(normalizer, StreamStep):
-        normalizer = normalizer.on_stream(mean)
-    filters = tuple(step.on_stream(mean) if isinstance(step, StreamStep) else step for step in chain.filters)
+        normalizer = normalizer.on_stream()
+    filters = tuple(step.on_stream() if isinstance(step, StreamStep) else step for step in chain.filters)
     return replace(chain, normalizer=normalizer, filters=filters, allow_still=True)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from gesture_core.classify.recognizer import Recognizer
 from gesture_core.errors import GestureError, InputError
 from gesture_core.records import Event
 from gesture_core.settings import Settings, load_settings
+from gesture_core.signals.chain import Chain
 from gesture_core.spot.candidates import Candidate, Search
 from gesture_core.spot.examples import NONE, SpottingExamples
 from gesture_core.spot.live import LiveSignals
@@ -23,8 +25,12 @@ BLOCK = 512
 """Frames of a recording that are compared at a time."""
 LIVE_PATIENCE = 0.5
 """Seconds, unless ``spot.patience`` is set."""
+_SUREST = 1.4
+"""Times its threshold that a candidate may be away which the classifier is sure of."""
 _SHORTEST = 2
 """Frames that a cut needs to be judged by the classifier."""
+_LEAST = 1e-3
+"""Of what a distance is divided by."""
 
 Judge = Callable[[Sequence[Candidate]], list[Candidate]]
 
@@ -52,10 +58,11 @@ class EventSearch:
     ) -> None:
         self._examples, self._judge = examples, judge
         thresholds = examples.thresholds
-        self._search = Search(examples, present, float(thresholds.max()))
+        worst = thresholds * (_SUREST if judge and examples.recognizer else 1.0)
+        self._search = Search(examples, present, worst)
         self._longest = 2 * max(float(one.times[-1] - one.times[0]) for one in examples.series) + 1.0
         self._suppression = Suppression(
-            lambda one: one.distance <= thresholds[one.code],
+            lambda one: one.rank <= thresholds[one.code],
             examples.settings.spot.overlap,
             self._longest if patience is None else patience,
         )
@@ -126,12 +133,12 @@ class Spotter:
     ) -> None:
         ready = settings if isinstance(settings, Settings) else load_settings(settings)
         live = live or ready.spot.live
-        self.examples = SpottingExamples.fit(ready, poses, labels, names, live=live, alive=alive)
+        self.examples = SpottingExamples.fit(ready, poses, labels, names, alive=alive)
         self._settings = ready
-        self._mean = 0.0 if live else ready.spot.mean
+        self._clips = Chain.from_settings(ready)
         self._live: LiveSignals | None = None
         if live:
-            self._live = LiveSignals(stream_chain(ready, 0.0), ready.spot.gap)
+            self._live = LiveSignals(stream_chain(ready), ready.spot.gap)
         self._going: EventSearch | None = None
         self._source = ("", 0)
 
@@ -159,7 +166,7 @@ class Spotter:
         """As `spot`, with what could not be searched as a text; ``alive`` is called now and then."""
         if self._live is not None:
             return self._as_live(pose, alive), ""
-        chain, chosen = stream_chain(self._settings, self._mean), self._settings.spot
+        chain, chosen = stream_chain(self._settings), self._settings.spot
         found: list[Candidate] = []
         failed: list[tuple[PoseSequence, GestureError]] = []
         parts = list(spans(pose.as_coco18(), chosen.gap))
@@ -247,23 +254,35 @@ class Spotter:
         return [self._event(one, *self._source) for one in found]
 
     def _judged(self, candidates: Sequence[Candidate], pose: PoseSequence) -> list[Candidate]:
-        """The candidates whose cut the classifier gives the same label, with its margin in their ranks."""
+        """The candidates whose cut the classifier gives the same label, the surer it is the better ranked.
+
+        Where all examples decide, a score is about 1 for the right class and 0 for another one; at one half
+        a candidate keeps its distance.
+        """
         recognizer: Recognizer | None = self.examples.recognizer
         if recognizer is None:
             return list(candidates)
-        cuts = []
+        kept = []
+        for one, scores in self._scored(recognizer, candidates, pose):
+            code = int(scores.argmax())
+            label = recognizer.library.classes[code]
+            if np.isfinite(scores[code]) and label == self.examples.classes[one.code]:
+                sure = max(2 * float(scores[code]), _LEAST) if recognizer.weights is not None else 1.0
+                kept.append(replace(one, rank=one.distance / sure))
+        return kept
+
+    def _scored(
+        self, recognizer: Recognizer, candidates: Sequence[Candidate], pose: PoseSequence
+    ) -> Iterator[tuple[Candidate, np.ndarray]]:
+        """The candidates of whose cuts signals can be made, and the score of each class."""
+        usable: list[tuple[Candidate, Signals]] = []
         for one in candidates:
             start = int(np.searchsorted(pose.times, one.start - 1e-9))
             stop = max(int(np.searchsorted(pose.times, one.end + 1e-9, side="right")), start + _SHORTEST)
-            cut = slice(start, stop)
-            cuts.append(
-                replace(pose, keypoints=pose.keypoints[cut], scores=pose.scores[cut], times=pose.times[cut])
-            )
-        kept = []
-        for one, prediction in zip(candidates, recognizer.predictions(cuts), strict=True):
-            if prediction.label == self.examples.classes[one.code]:
-                kept.append(replace(one, rank=one.distance - (prediction.margin or 0.0)))
-        return kept
+            with suppress(GestureError):  # such a clip would get no label either
+                usable.append((one, self._clips(part_of(pose, start, stop))))
+        scores = recognizer.scores([signals for _, signals in usable])
+        yield from zip((one for one, _ in usable), scores, strict=True)
 
     def _event(self, one: Candidate, source: str, person: int) -> Event:
         threshold = float(self.examples.thresholds[one.code])
@@ -273,7 +292,7 @@ class Spotter:
             one.start,
             one.end,
             self.examples.classes[one.code],
-            max(0.0, 1 - one.distance / threshold) if threshold > 0 else 0.0,
+            max(0.0, 1 - one.rank / threshold) if threshold > 0 else 0.0,
             one.distance,
             self.examples.names[one.example],
         )

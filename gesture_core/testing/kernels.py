@@ -19,7 +19,14 @@ from gesture_core.dtw import reference, search
 from gesture_core.dtw.bands import is_feasible
 from gesture_core.dtw.batches import subset, used_dimensions
 from gesture_core.dtw.spec import BandMask, DtwSpec
-from gesture_core.plugin.abilities import ApproximateKernel, GradientKernel, PairKernel, SearchKernel
+from gesture_core.dtw.subsequence import reference_subsequences
+from gesture_core.plugin.abilities import (
+    ApproximateKernel,
+    GradientKernel,
+    PairKernel,
+    SearchKernel,
+    SubsequenceKernel,
+)
 from gesture_core.settings import load_settings, presets
 from gesture_core.types import SignalBatch
 
@@ -267,6 +274,25 @@ def check_lower_bound(kernel: DistanceKernel) -> None:
         np.testing.assert_allclose(kernel.keogh(query, lower, upper, squared), wanted, 1e-12, 1e-12)
 
 
+def check_subsequences(kernel: DistanceKernel) -> None:
+    """Where a kernel finds examples inside a stream, it agrees with the reference, in any blocks."""
+    if not isinstance(kernel, SubsequenceKernel):
+        return
+    rng = np.random.default_rng(10)
+    stream = rng.normal(size=(50, 3)).astype(np.float32)
+    examples = [rng.normal(size=(m, 3)).astype(np.float32) for m in (1, 2, 9, 16)]
+    distances, lengths = kernel.subsequences(examples, 0.05).push(stream)
+    for column, example in enumerate(examples):
+        wanted, spans = reference_subsequences(stream, example, 0.05)
+        np.testing.assert_allclose(distances[:, column], wanted, 1e-4, 1e-6)
+        np.testing.assert_array_equal(lengths[:, column], spans, "frames of the best subsequences")
+    state = kernel.subsequences(examples, 0.05)
+    parts = [state.push(block) for block in np.split(stream, [1, 1, 4, 30])]
+    for index, whole in enumerate((distances, lengths)):
+        got = np.concatenate([part[index] for part in parts])
+        np.testing.assert_array_equal(got, whole, "other bits in other blocks")
+
+
 def check_gradients(kernel: DistanceKernel) -> None:
     """Where a kernel computes soft gradients, they agree with finite differences of the reference."""
     if not isinstance(kernel, GradientKernel) or isinstance(kernel, ApproximateKernel):
@@ -327,6 +353,7 @@ KERNEL_CHECKS: tuple[Callable[[DistanceKernel], None], ...] = (
     check_bits,
     check_pairs,
     check_lower_bound,
+    check_subsequences,
     check_gradients,
 )
 """The conformance suite; each takes a kernel and raises `AssertionError`."""

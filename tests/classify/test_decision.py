@@ -104,7 +104,7 @@ def test_thresholds_are_mean_and_deviation_of_the_nearest_classmate() -> None:
     within = np.array([[0, 1, 4, 9], [1, 0, 2, 9], [4, 2, 0, 9], [9, 9, 9, 0]], float)
     codes = np.array([0, 0, 0, 1])
     nearest = np.array([1, 1, 2])
-    found = calibrated_thresholds(within, codes, 2, 2.0)
+    found = calibrated_thresholds(within, codes, 2, 2.0, np.arange(4))
     np.testing.assert_allclose(found, nearest.mean() + 2 * nearest.std())
 
 
@@ -115,17 +115,19 @@ def test_thresholds_of_representatives_are_those_of_the_distances_to_them() -> N
     codes = np.repeat([0, 1], 20)
     within = np.linalg.norm(points[:, None] - points[None], axis=2)
     kept = medoids(within, codes)
-    found = calibrated_thresholds(within, codes, 2, 1.0, kept)
+    found = calibrated_thresholds(within[:, kept], codes, 2, 1.0, kept)
     for code, medoid in enumerate(kept):
         others = np.flatnonzero((codes == code) & (np.arange(40) != medoid))
         own = within[others, medoid]
         assert found[code] == pytest.approx(own.mean() + own.std())
-    assert (found > 1.2 * calibrated_thresholds(within, codes, 2, 1.0)).all()  # of the nearest of all
+    assert (
+        found > 1.2 * calibrated_thresholds(within, codes, 2, 1.0, np.arange(40))
+    ).all()  # of the nearest of all
 
 
 def test_thresholds_need_two_examples_of_some_class() -> None:
     with pytest.raises(ConfigError) as caught:
-        calibrated_thresholds(np.zeros((2, 2)), np.array([0, 1]), 2, 3.0)
+        calibrated_thresholds(np.zeros((2, 2)), np.array([0, 1]), 2, 3.0, np.arange(2))
     assert caught.value.code == "E_REJECT"
 
 

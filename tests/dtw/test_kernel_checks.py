@@ -5,13 +5,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
 from gesture_core.dtw.spec import DtwSpec
+from gesture_core.dtw.subsequence import reference_subsequences
 from gesture_core.settings import load_settings, presets
 from gesture_core.testing import KERNEL_CHECKS, Case, compare, draw_batch
-from gesture_core.testing.kernels import check_nothing_in_common, check_reference, check_single_frames
+from gesture_core.testing.kernels import (
+    check_nothing_in_common,
+    check_reference,
+    check_single_frames,
+    check_subsequences,
+)
 from gesture_core.types import SignalBatch
 
 
@@ -104,3 +112,21 @@ def test_a_kernel_for_one_form_alone_is_held_to_it(mode: str, cost: str) -> None
 def test_a_kernel_of_which_nothing_is_compared_does_not_pass() -> None:
     with pytest.raises(AssertionError, match="supports none of the specifications"):
         check_reference(Constant(DtwSpec(window=3, cost="squared", length_norm=True)))
+
+
+class ForgetfulKernel(PlainKernel):
+    """A wrong one, which begins anew with each block of a stream."""
+
+    def subsequences(self, examples: Sequence[np.ndarray], floor: float) -> ForgetfulKernel:
+        self._examples, self._floor = examples, floor
+        return self
+
+    def push(self, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found = [reference_subsequences(frames, example, self._floor) for example in self._examples]
+        distances, lengths = zip(*found, strict=True)
+        return np.stack(distances, axis=1), np.stack(lengths, axis=1)
+
+
+def test_a_kernel_that_forgets_a_stream_between_blocks_is_found_out() -> None:
+    with pytest.raises(AssertionError, match="other bits in other blocks"):
+        check_subsequences(ForgetfulKernel())

@@ -165,8 +165,20 @@ def test_tags_say_who_it_is_and_when() -> None:
 def test_a_strip_is_cropped_to_the_people() -> None:
     given = frames((400, 600))
     left, top, right, bottom = (int(edge) for edge in pose().box)
-    for _, picture in cropped(given, [pose()], margin=0.1):
+    for _, picture in cropped(given, [pose()], margin=0.1)[0]:
         assert picture.shape[0] < 1.3 * (bottom - top) + 4 and picture.shape[1] < right - left + 40
-    at = cropped([(0.0, np.arange(400 * 600 * 3, dtype=np.uint32).reshape(400, 600, 3))], [pose()], margin=0)
+    numbered = np.arange(400 * 600 * 3, dtype=np.uint32).reshape(400, 600, 3)
+    at, (moved,) = cropped([(0.0, numbered)], [pose()], margin=0)
     ((_, exact),) = at
+    assert np.nanmin(moved.keypoints, axis=(0, 1)) == pytest.approx((0, 0), abs=1)
     assert exact[0, 0, 0] == (top * 600 + left) * 3
+
+
+def test_what_is_written_above_a_person_is_inside_of_the_strip() -> None:
+    around, moved = cropped(frames((400, 600)), [pose()])
+    tagged = list(overlay(around, moved, ["0 wave 0.12"]))
+    colour = (115, 158, 0)
+    for _, picture in tagged[:2]:
+        tag = (picture == colour).all(axis=2)
+        line = np.flatnonzero(tag.sum(axis=1) > 0.6 * picture.shape[1])
+        assert len(line) >= 5, "the ground of the text lies in the picture"

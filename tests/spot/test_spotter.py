@@ -8,12 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from streams import examples_of, strung
 
 from gesture_core import Spotter, load_poses, load_settings
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.spot.candidates import Candidate
 from gesture_core.spot.signals import part_of, spans, stream_chain
+from gesture_core.spot.spotter import EventSearch
 from gesture_core.types import PoseSequence
 
 SETTINGS = load_settings(None, ["spot.tempos="], environment={})
@@ -54,11 +58,59 @@ def test_blocks_make_no_difference(
     spotter: Spotter, string: tuple[PoseSequence, list[tuple[str, float, float]]], patience: float | None
 ) -> None:
     pose = part_of(string[0], 0, 400)
-    signals = stream_chain(SETTINGS, SETTINGS.spot.mean)(pose)
+    signals = stream_chain(SETTINGS)(pose)
     whole = spotter.search(signals, pose, patience, block=10_000)
     assert whole
     for block in (1, 7, 100):
         assert spotter.search(signals, pose, patience, block=block) == whole
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_any_blocks_give_the_same_candidates(spotter: Spotter, data: st.DataObject) -> None:
+    """Walks that resemble the examples, with and without a classifier's word, cut anywhere."""
+    examples = spotter.examples
+    rng = np.random.default_rng(data.draw(st.integers(0, 999)))
+    known = [examples.series[place].values for place in rng.integers(0, len(examples.series), 3)]
+    values = np.concatenate([*known, known[0] + rng.normal(0, 0.1, known[0].shape)]).astype(np.float32)
+    times = np.cumsum(rng.uniform(0.03, 0.07, len(values)))
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(values)), max_size=8)))
+    patience = data.draw(st.sampled_from([None, 0.0, 0.2]))
+    present = np.ones(values.shape[1], bool)
+
+    def found(places: list[int]) -> list[Candidate]:
+        search = EventSearch(examples, present, patience)
+        blocks = zip(np.split(values, places), np.split(times, places), strict=True)
+        return [event for block in blocks for event in search.push(*block)] + search.finish()
+
+    whole = found([])
+    assert whole
+    assert found(cuts) == whole
+
+
+def test_a_copied_example_leaves_room_for_what_is_no_copy(drawn: DemoArchive) -> None:
+    poses, labels = examples_of(drawn)
+    plain = load_settings(None, ["spot.tempos=", "spot.verify=false"], environment={})
+    limits = Spotter(poses, labels, plain).examples.thresholds
+    twice = Spotter([*poses, *poses], [*labels, *labels], plain).examples
+    np.testing.assert_allclose(twice.thresholds, limits, rtol=0.3)
+    alone = Spotter([poses[0], poses[0]], [labels[0], labels[0]], plain).examples
+    assert not alone.calibrated and (alone.thresholds > 0).all()
+
+
+def test_the_last_gesture_before_the_person_is_lost_is_still_judged(
+    drawn: DemoArchive, string: tuple[PoseSequence, list[tuple[str, float, float]]]
+) -> None:
+    poses, labels = examples_of(drawn)
+    live = Spotter(poses, labels, SETTINGS, live=True)
+    pose = part_of(string[0], 0, 60)
+    label, _, end = string[1][0]
+    stop = int(np.searchsorted(pose.times, end)) + 1
+    before = part_of(pose, 0, stop)
+    expected = live.push(before) + live.finish()
+    assert [event.label for event in expected] == [label]
+    later = replace(part_of(string[0], 0, 30), times=string[0].times[:30] + end + 5)
+    assert live.push(before) + live.push(later)[:1] == expected
 
 
 def test_a_stream_has_the_same_events_however_its_frames_come(

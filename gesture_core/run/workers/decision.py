@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from gesture_core import __version__
 from gesture_core.classify.comparison import check_settings
@@ -77,6 +76,7 @@ class Decider:
         self._signals: list[Signals] = []
         self._labels: list[str] = []
         self._names: list[str] = []
+        self._seen: dict[bytes, tuple[str, str]] = {}
 
     def add(self, name: str, label: str, people: Sequence[PoseSequence]) -> None:
         """Take the first person of an example; a GestureError says why that cannot be."""
@@ -84,14 +84,17 @@ class Decider:
             raise PoseError("nobody was found", subject=name, code="E_NO_PERSON")
         (signals,) = signals_of(people[:1], self._settings, "sequence")
         assert isinstance(signals, Signals)
-        for known, other, twin in zip(self._signals, self._labels, self._names, strict=True):
-            if other != label and np.array_equal(known.values, signals.values):
-                raise InputError(
-                    f"is called {label}, and {twin}, with the same movement, {other}",
-                    subject=name,
-                    remedy="only the right one of them",
-                    code="E_CONTRADICTION",
-                )
+        content = hashlib.sha256(
+            repr(signals.values.shape).encode() + (signals.values + 0.0).tobytes()
+        ).digest()
+        twin, other = self._seen.setdefault(content, (name, label))
+        if other != label:
+            raise InputError(
+                f"is called {label}, and {twin}, with the same movement, {other}",
+                subject=name,
+                remedy="only the right one of them",
+                code="E_CONTRADICTION",
+            )
         self._signals.append(signals)
         self._labels.append(label)
         self._names.append(name)

@@ -83,8 +83,8 @@ class TorsoNormalizer:
         points: np.ndarray = _relative_to_neck(pose) / scale
         return points
 
-    def on_stream(self, mean: float) -> TorsoNormalizer:
-        """The same with a running scale; it subtracts no mean."""
+    def on_stream(self) -> TorsoNormalizer:
+        """The same with a running scale."""
         return replace(self, window=self.window or RUNNING)
 
 

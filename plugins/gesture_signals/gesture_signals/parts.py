@@ -18,7 +18,7 @@ import numpy as np
 
 from gesture_core.errors import SignalError
 from gesture_core.types import Signals
-from gesture_signals.filters import running_mean, smooth
+from gesture_signals.filters import smooth
 
 _POINTS = ("nose", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 _LIMBS = {
@@ -58,14 +58,10 @@ class Parts:
     window : float
         Seconds, standard deviation of the Gaussian that ``energy``, ``spread`` and ``turning``
         average over.
-    mean_window : float
-        Seconds around each frame over which the mean is taken that a share subtracts; ``inf`` is the
-        whole sequence, and with zero nothing is subtracted.
     """
 
     weights: Mapping[str, float] = field(default_factory=lambda: {"wrist": 1.0, "elbow": 1.0})
     window: float = 0.2
-    mean_window: float = float("inf")
 
     def __post_init__(self) -> None:
         if not isinstance(self.weights, Mapping):
@@ -78,8 +74,6 @@ class Parts:
             raise ValueError("no weight is above zero")
         if not self.window > 0:
             raise ValueError(f"window {self.window} is not above zero")
-        if not self.mean_window >= 0:
-            raise ValueError(f"mean_window {self.mean_window} is negative")
 
     def apply(self, signals: Signals) -> Signals:
         """The channels of every part, each scaled by the root of its weight."""
@@ -100,7 +94,7 @@ class Parts:
                         values = _KINDS[kind](values, step, self.window)
                 suffixes = ("_x", "_y") if values.shape[1] == 2 else ("",)
                 if share:
-                    values = values - share * running_mean(values, signals.times, self.mean_window)
+                    values = values - share * values.mean(axis=0, dtype=np.float64)
                 columns.append(values * np.sqrt(weight))
                 tail = (f".{kind}" if kind else "") + (f"@{share:g}" if share else "")
                 names += [f"{side}{part}{suffix}{tail}" for suffix in suffixes]
@@ -114,9 +108,13 @@ class Parts:
             present=np.array(present),
         )
 
-    def on_stream(self, mean: float) -> Parts:
-        """The same with means of ``mean`` seconds."""
-        return replace(self, mean_window=mean)
+    def on_stream(self) -> Parts:
+        """No mean is subtracted from any part."""
+        weights: dict[str, float] = {}
+        for text, weight in self.weights.items():
+            name = text.partition("@")[0]
+            weights[name] = weights.get(name, 0.0) + weight
+        return replace(self, weights=weights)
 
 
 def _term(text: str) -> tuple[str, str, float]:

@@ -1,0 +1,135 @@
+"""Of many examples a part is compared with everything else; what it counts for is learned from all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from swings import pose, swing
+
+from gesture_core import GestureClassifier
+from gesture_core.classify import comparison
+from gesture_core.classify.evaluation import Compared, Labelled, answer
+from gesture_core.classify.learning import landmarks, learn, learn_weights
+from gesture_core.run.workers.decision import Decider
+from gesture_core.settings import ClassifySettings, Settings, load_settings
+from gesture_core.types import Signals
+
+EVERY = ClassifySettings(neighbors=0)
+
+
+def clouds(seed: int, each: int) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers around 0, 1 and 2, and their classes."""
+    random = np.random.default_rng(seed)
+    codes = np.repeat([0, 1, 2], each)
+    return codes + random.normal(0, 0.25, len(codes)), codes
+
+
+def under(count: int) -> Settings:
+    paper = load_settings("paper", environment={})
+    return replace(paper, classify=replace(EVERY, landmarks=count, kernel="numpy"))
+
+
+def test_few_examples_are_all_compared() -> None:
+    places, codes = clouds(0, 10)
+    within = np.abs(places[:, None] - places[None])
+    assert landmarks(codes, EVERY).tolist() == list(range(30))
+    kept, _, weights = learn(codes, 3, EVERY, within)
+    assert weights is not None and len(kept) == 30
+    plain = learn_weights(within, codes, 3, EVERY.sharpness, EVERY.shrinkage)
+    np.testing.assert_array_equal(weights.weights, plain.weights)
+    np.testing.assert_array_equal(weights.scales, plain.scales)
+
+
+def test_each_class_keeps_its_share_and_one_at_least() -> None:
+    codes = np.array([1] * 90 + [0] * 9 + [2])
+    marks = landmarks(codes, replace(EVERY, landmarks=20))
+    assert np.bincount(codes[marks]).tolist() == [1, 18, 1]
+    assert marks.tolist() == sorted(set(marks.tolist()))
+    assert {0, 89} <= set(marks.tolist())
+    for other in (
+        replace(EVERY, landmarks=20, neighbors=1),
+        replace(EVERY, landmarks=20, representative=True),
+    ):
+        assert len(landmarks(codes, other)) == 100
+
+
+def test_all_examples_teach_what_the_landmarks_count_for() -> None:
+    places, codes = clouds(1, 100)
+    asked, truth = clouds(2, 100)
+    marks = landmarks(codes, replace(EVERY, landmarks=12))
+    within = np.abs(places[:, None] - places[marks])
+    far = np.abs(asked[:, None] - places[marks])
+    taught = learn_weights(within, codes, 3, 3.0, 0.1, marks).scores(far)[0].argmax(axis=1)
+    alone = learn_weights(within[marks], codes[marks], 3, 3.0, 0.1).scores(far)[0].argmax(axis=1)
+    whole = learn_weights(np.abs(places[:, None] - places), codes, 3, 3.0, 0.1)
+    every = whole.scores(np.abs(asked[:, None] - places))[0].argmax(axis=1)
+    assert (taught == truth).mean() > (alone == truth).mean()
+    assert abs((taught == truth).mean() - (every == truth).mean()) < 0.02
+
+
+def test_a_fitted_classifier_keeps_the_landmarks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    places, codes = clouds(3, 40)
+    arrays = [np.full((4, 1), place) for place in places]
+    compared: list[tuple[int, int]] = []
+    distances = comparison.Comparison.distances
+
+    def counting(self: comparison.Comparison, queries: list[Signals | np.ndarray]) -> np.ndarray:
+        found = distances(self, queries)
+        compared.append(found.shape)
+        return found
+
+    monkeypatch.setattr(comparison.Comparison, "distances", counting)
+    settings = replace(under(15), classify=replace(under(15).classify, confidence=0.3, reject_sd=5.0))
+    model = GestureClassifier(settings).fit(arrays, codes.tolist())
+    assert sum(rows * columns for rows, columns in compared) == 120 * 15
+    assert len(model.library_) == 15 and model.weights_ is not None
+    assert model.weights_.weights.shape == (15, 3)
+    assert [codes[i] for i in model.example_indices_] == model.library_.codes.tolist()
+    asked, truth = clouds(4, 20)
+    queries = [np.full((4, 1), place) for place in asked]
+    found = model.predictions(queries)
+    assert np.mean([one.label == str(own) for one, own in zip(found, truth, strict=True)]) > 0.9
+    model.save(tmp_path / "model")
+    assert GestureClassifier.load(tmp_path / "model").predictions(queries) == found
+    assert model.predict_proba(queries).shape == (60, 3)
+
+
+def test_evaluation_decides_as_the_classifier_does() -> None:
+    places, codes = clouds(5, 30)
+    subjects = [f"s{i % 3}" for i in range(90)]
+    within = np.abs(places[:, None] - places[None])
+    names = [str(i) for i in range(90)]
+    data = Compared(Labelled([], list(map(str, codes)), subjects, names), under(9), np.arange(90), within, {})
+    found = answer(data, "leave-one-subject-out")
+    arrays = [np.array([[place]]) for place in places]
+    for subject in ("s0", "s2"):
+        train = [i for i in range(90) if subjects[i] != subject]
+        model = GestureClassifier(under(9)).fit([arrays[i] for i in train], [str(codes[i]) for i in train])
+        own = [a for a in found.answers if a.subject == subject]
+        predicted = model.predict([arrays[int(a.name)] for a in own]).tolist()
+        assert predicted == [a.predicted for a in own]
+
+
+def test_a_run_opens_its_landmarks_again(tmp_path: Path) -> None:
+    poses, labels = [], []
+    for label, (axis, cycles) in {"up": (1, 1.0), "twice": (1, 2.0), "side": (0, 1.0)}.items():
+        for frames in (25, 30, 36, 42):
+            poses.append(pose(swing("right_wrist", axis, cycles, frames, 100.0)))
+            labels.append(label)
+    names = [f"{label}/{i}.mp4" for i, label in enumerate(labels)]
+    changes = ["classify.landmarks=6", "classify.confidence=0.1", "classify.kernel=numpy"]
+    settings = load_settings("modern", changes, environment={})
+    fitted, opened = Decider(settings), Decider(settings)
+    for name, label, one in zip(names, labels, poses, strict=True):
+        fitted.add(name, label, [one])
+    fitted.fit(tmp_path, "fingerprint", lambda: None)
+    assert not opened.open(tmp_path, "other", names)
+    assert not opened.open(tmp_path, "fingerprint", names[:-1])
+    assert opened.open(tmp_path, "fingerprint", names)
+    found = opened.predict(poses)
+    assert found == fitted.predict(poses)
+    assert [one.label for one in found] == labels
+    assert len({name for one in found for name, _, _ in one.neighbors}) == 6
