@@ -114,8 +114,8 @@ class KnownModel:
     packaged : str
         ``package:path`` of a file that an installed package brings.
     gestures, frames : int
-        Of those that ``auto`` chooses from: percentage of 15 gestures of new people that were told apart by
-        examples of five others, and frames a second on one core.
+        Of those that ``auto`` chooses from: percentage of 15 gestures of a new person that were told apart by
+        examples of four others, every frame being looked at, and frames a second on one core.
     """
 
     name: str
@@ -378,6 +378,6 @@ def described(settings: Settings) -> str:
     if here and here.name in auto_models()[1:] and not is_here(best.name):
         text += (
             f"; 'gesture models get {best.name}' brings a stronger network: {best.gestures} % of 15 gestures "
-            f"of new people instead of {here.gestures} %, at {best.frames} frames/s"
+            f"of a new person instead of {here.gestures} %, at {best.frames} frames/s"
         )
     return text
