@@ -135,7 +135,7 @@ def test_the_command_renders_a_video(
     moving = [(t / 10, dot_picture((240, 320), FIGURE * 180 + (40 + 2 * t, 30), 6)) for t in range(12)]
     write_video(moving, tmp_path / "in.mp4", quality=8)
     assert run(["render", "in.mp4", "--model", str(network)]) == 0
-    assert "12 frames, 1 person, in 12 of them" in capsys.readouterr().out
+    assert "12 frames, 1 person in 12 of them" in capsys.readouterr().out
     assert (tmp_path / "in-pose.mp4").stat().st_size > 1000
     assert run(["render", "in.mp4", "--model", str(network)]) != 0
     assert "E_EXISTS" in capsys.readouterr().err

@@ -385,11 +385,22 @@ def test_the_preview_shows_frames_to_who_knows_its_address(string: PoseSequence)
             request = urllib.request.Request(address, headers={"Host": host} if host else {})
             with pytest.raises(urllib.error.HTTPError, match="404"):
                 urllib.request.urlopen(request, timeout=10)
-        with urllib.request.urlopen(preview.address, timeout=10) as answer:
-            got = b""
-            while b"\xff\xd9" not in got:
+        done = threading.Event()
+
+        def frames() -> None:
+            while not done.wait(0.01):
                 preview.show(picture, part_of(string, 0, 1))
-                got += answer.read1(1 << 16)
+
+        camera = threading.Thread(target=frames)
+        camera.start()
+        try:
+            with urllib.request.urlopen(preview.address, timeout=30) as answer:
+                got = b""
+                while b"\xff\xd9" not in got:
+                    got += answer.read1(1 << 16)
+        finally:
+            done.set()
+            camera.join()
         data = got[got.index(b"\xff\xd8") :]
         shown = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
         assert shown is not None and shown.shape == (96, 128, 3)
