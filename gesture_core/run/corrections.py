@@ -75,6 +75,8 @@ def add_corrections(
             left_out[reason] = left_out.get(reason, 0) + 1
         else:
             usable.append(one)
+    if not usable:
+        return Corrections((), 0, left_out)
     with open_results(run) as results:
         recognizer = open_fitted(run, results.get("fingerprint") or "")
         rows = dict(results.keyed_rows())
@@ -162,6 +164,8 @@ def _reason(one: Answered) -> str:
         return "one of several people in the input"
     if one.member:
         return "one of several sequences in a file"
+    if set(one.label) & set("/\\") or one.label.startswith("."):
+        return "a label that no folder of examples can have: gesture review --export makes a table of them"
     return ""
 
 

@@ -24,7 +24,7 @@ from gesture_core.report.run_page import write_report
 from gesture_core.run.answers import NONE, Answers, write_answers
 from gesture_core.run.archive import classify_archive
 from gesture_core.run.corrections import add_corrections, choose
-from gesture_core.run.results import open_results
+from gesture_core.run.results import FITTED, open_results
 
 __all__ = ["classified"]
 
@@ -211,6 +211,23 @@ def test_a_correction_becomes_an_example_and_the_next_run_knows_it(
     }  # fmt: skip
     with pytest.raises(InputError, match="nothing was answered"):
         add_corrections(classified[0], tmp_path / "other")
+
+
+def test_answers_that_can_be_no_example_are_counted_by_their_reasons(
+    classified: tuple[Path, Path], copy: Path, tmp_path: Path
+) -> None:
+    with open_results(copy) as results:
+        place = next(place for place, row in enumerate(results.rows()) if row.label == "wave")
+    for label in ("up/left", "..", "a\\b"):
+        with Answers(copy) as answers:
+            answers.give(place, label)
+        found = add_corrections(copy, tmp_path / "examples")
+        assert (found.added, *found.left_out.values()) == ((), 1) and "--export" in next(iter(found.left_out))
+    (copy / FITTED).unlink()  # as in a run of gesture spot
+    with Answers(copy) as answers:
+        answers.give(place, None)
+    assert add_corrections(copy, tmp_path / "examples").left_out == {"none of the gestures": 1}
+    assert not (tmp_path / "examples").exists()
 
 
 def known(classified: tuple[Path, Path]) -> list[dict[str, str]]:
