@@ -9,6 +9,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from http.client import HTTPException
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -41,7 +42,10 @@ class Webhook:
     """
 
     def __init__(self, url: str, say: Callable[[str], None]) -> None:
-        parts = urlsplit(url)
+        try:
+            parts = urlsplit(url)
+        except ValueError:  # such as a bracket that is never closed
+            parts = urlsplit("")
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise ConfigError(f"--webhook {url!r}", remedy="http://… or https://…", code="E_OPTION")
         self._url, self._say = url, say
@@ -90,8 +94,8 @@ class Webhook:
                 return ""
         except urllib.error.HTTPError as error:
             return f"answered {error.code}"
-        except (OSError, ValueError) as error:
-            return str(getattr(error, "reason", error))
+        except (OSError, ValueError, HTTPException) as error:  # the last is an answer that is no HTTP
+            return str(getattr(error, "reason", error)) or type(error).__name__
 
     def _failed(self, fault: str) -> None:
         self.undelivered += 1

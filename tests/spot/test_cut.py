@@ -222,3 +222,16 @@ def test_the_sound_comes_along(tmp_path: Path) -> None:
     (quiet,) = cut_events(run, tmp_path / "quiet")
     with av.open(str(quiet.file)) as opened:
         assert not opened.streams.audio
+
+
+def test_a_long_name_in_any_script_leaves_room_for_the_times(drawn: DemoArchive, tmp_path: Path) -> None:
+    (pose,) = load_poses(sorted(drawn.video_keypoints.iterdir())[0], workers=1)
+    place = tmp_path / f"{'手' * 80}.npz"
+    save(place, pose)
+    rows = [event(1, *pose.times[[0, -1]].tolist(), place, label="振" * 90)]
+    folder = tmp_path / "run"
+    with Results(a_run(folder, [], place), create=True) as results:
+        results.commit(Input(place, str(place), "keypoints"), rows)
+    (clip,) = cut_events(folder, tmp_path / "clips")
+    assert (clip.status, clip.message) == ("written", "")
+    assert clip.file.stem.startswith("手手手") and "stands for" in clip.note
