@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -311,6 +312,39 @@ def test_the_webhook_gets_every_event_and_a_deaf_one_is_said() -> None:
     assert hook.undelivered == 1 and "not delivered to http://127.0.0.1" in said[0]
     with pytest.raises(ConfigError, match="--webhook"):
         Webhook("file:///etc/passwd", said.append)
+
+
+def test_what_a_webhook_answers_oddly_is_said_and_the_next_event_is_sent_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("gesture_core.run.webhook._WAITS", ())
+    answers = [
+        b"no web at all\r\n\r\n",
+        b"HTTP/1.1 302 Found\r\nLocation: /login\r\n\r\n",
+        b"HTTP/1.1 204 X\r\n\r\n",
+    ]
+    asked: list[bytes] = []
+
+    def answer() -> None:
+        for text in answers:
+            opened, _ = listening.accept()
+            with opened:
+                asked.append(opened.recv(65536).split()[0])
+                opened.sendall(text)
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=answer, daemon=True)
+        thread.start()
+        said: list[str] = []
+        with Webhook(f"http://127.0.0.1:{listening.getsockname()[1]}/gestures", said.append) as hook:
+            for number in range(3):
+                hook.send({"number": number})
+            thread.join(10)
+    assert asked == [b"POST"] * 3 and hook.undelivered == 2
+    assert "no web at all" in said[0] and "answered 302" in said[1]
+    with Webhook("http://127.0.0.1:9/a b", said.append) as hook:
+        hook.send({"number": 3})
+    assert hook.undelivered == 1 and "/a b" in said[2]
 
 
 @pytest.fixture(scope="module")
