@@ -5,10 +5,12 @@ from __future__ import annotations
 import csv
 import http.client
 import json
+import os
 import shutil
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +20,22 @@ from browser import browser, complaints, requested, resize
 from test_run_page import classified
 
 from gesture_core.cli.main import run
+from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import InputError
 from gesture_core.report.review_server import ReviewServer
 from gesture_core.report.run_page import write_report
-from gesture_core.run.answers import NONE, Answers, write_answers
-from gesture_core.run.archive import classify_archive
+from gesture_core.run.answers import NONE, Answered, Answers, write_answers
+from gesture_core.run.archive import classify_archive, load_poses
 from gesture_core.run.corrections import add_corrections, choose
+from gesture_core.run.manifests import read_manifest
 from gesture_core.run.results import open_results
+from gesture_core.run.store import write_keypoints
 
 __all__ = ["classified"]
+FACTS: dict[str, Any] = {
+    "frames_declared": None, "frames_read": 2, "frames_looked_at": 2, "complete": True, "notes": [],
+    "seconds": 1.0, "assumed": "",
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -90,6 +99,14 @@ def test_answers_are_a_table_of_paths_and_labels(copy: Path, tmp_path: Path) -> 
         found = list(csv.DictReader(file))
     assert [(row["path"], row["label"]) for row in found] == [(rows[1].input, "wave"), (rows[2].input, NONE)]
     assert [row["recognised_as"] for row in found] == [rows[1].label or "", rows[2].label or ""]
+
+
+def test_a_name_that_is_no_text_is_written_byte_by_byte_and_read_again(copy: Path, tmp_path: Path) -> None:
+    with Answers(copy) as answers:
+        row = answers.rows[1][1]
+    name = tmp_path / os.fsdecode(b"b\xff'\"%,x.mp4")
+    table = write_answers([Answered(os.fsencode(name) + b"\0", row, "wave")], tmp_path / "corrected.csv")
+    assert read_manifest(table) == [(name, "wave")]
 
 
 def test_only_who_knows_the_address_is_answered(server: ReviewServer) -> None:
@@ -217,3 +234,35 @@ def known(classified: tuple[Path, Path]) -> list[dict[str, str]]:
     """The examples of the run."""
     with open_results(classified[0]) as results:
         return list(json.loads(results.get("configuration") or "{}")["examples"].values())
+
+
+def test_a_label_that_is_no_folder_makes_none(copy: Path, tmp_path: Path) -> None:
+    """Examples in tables have labels of any form: one with a slash would lead elsewhere."""
+    for label in ("../../elsewhere", "yes/no", ".hidden", "wave\0", "long" * 99):
+        with Answers(copy) as answers:
+            answers.give(next(place for place, (_, row) in enumerate(answers.rows) if row.label), label)
+        found = add_corrections(copy, tmp_path / "new" / "examples")
+        assert not found.added and list(found.left_out.values()) == [1]
+        assert "no name of a folder" in next(iter(found.left_out))
+    assert not (tmp_path / "elsewhere").exists() and not (tmp_path / "new").exists()
+
+
+def test_corrections_are_about_the_first_of_several_people(drawn: DemoArchive, tmp_path: Path) -> None:
+    names = [drawn.video_keypoints / name for name in ("clip_01", "clip_02")]
+    whole = [load_poses(name)[0] for name in names]
+    brief = [
+        replace(one, keypoints=one.keypoints[:2], scores=one.scores[:2], times=one.times[:2]) for one in whole
+    ]
+    (tmp_path / "in").mkdir()
+    write_keypoints(tmp_path / "in" / "first.parquet", [whole[0], replace(brief[1], person=1)], FACTS)
+    write_keypoints(tmp_path / "in" / "second.parquet", [brief[0], replace(whole[1], person=1)], FACTS)
+    done = classify_archive(tmp_path / "in", drawn.example_keypoints, tmp_path / "run", pose__people="multi")
+    assert [row.distance is None for row in done.rows()] == [False, True, True, False]
+    label = done.rows()[0].label
+    with Answers(tmp_path / "run") as answers:
+        answers.give(0, label)
+    assert add_corrections(tmp_path / "run", tmp_path / "examples").redundant == 1
+    with Answers(tmp_path / "run") as answers:
+        answers.give(0, "clap" if label != "clap" else "wave")
+    (added,) = add_corrections(tmp_path / "run", tmp_path / "examples").added
+    assert added.name == "first.parquet"
