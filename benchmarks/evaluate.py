@@ -27,15 +27,9 @@ from datasets import (
 from videos import with_videos
 
 from gesture_core.classify.decision import votes_of
-from gesture_core.classify.evaluation import (
-    Compared,
-    Evaluation,
-    Labelled,
-    answer,
-    compare_all,
-    wilson,
-)
+from gesture_core.classify.evaluation import Compared, Labelled, answer, compare_all
 from gesture_core.classify.learning import learn
+from gesture_core.classify.scores import Evaluation, wilson
 from gesture_core.errors import GestureError
 from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain

@@ -1,9 +1,9 @@
-"""How good a preset is on labelled sequences: protocols, accuracy, confusion, what rejection costs."""
+"""How good a preset is on labelled sequences: who is tested by whose examples, and what each is taken for."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from gesture_core.classify.comparison import compare, is_still
 from gesture_core.classify.decision import refusals, temperature_of, votes_of
 from gesture_core.classify.learning import landmarks, learn, medoids, needs_distances
+from gesture_core.classify.scores import Answer, Evaluation
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.settings import ClassifySettings, Settings
 from gesture_core.signals.chain import Chain
@@ -38,138 +39,6 @@ class Labelled:
     subjects: Sequence[str]
     names: Sequence[str]
     train: Sequence[bool] | None = None
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One tested sequence: what it is, what it was taken for, and how sure that was.
-
-    ``confidence`` is the probability of the label, NaN where none is known.
-    """
-
-    name: str
-    label: str
-    subject: str
-    fold: str
-    predicted: str | None
-    distance: float
-    margin: float
-    threshold: float = np.inf
-    code: str = ""
-    confidence: float = np.nan
-
-    @property
-    def right(self) -> bool:
-        """Whether the label was found and not rejected."""
-        return self.predicted == self.label
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluation:
-    """The result of one protocol under one preset.
-
-    Attributes
-    ----------
-    answers : list of Answer
-        One for each tested sequence and fold.
-    protocol : str
-    settings : Settings
-    changes : mapping
-        Values of a grid, where there was one.
-    """
-
-    answers: list[Answer]
-    protocol: str
-    settings: Settings
-    changes: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def accuracy(self) -> float:
-        """Share of answers that are right."""
-        return float(np.mean([answer.right for answer in self.answers]))
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % interval of the accuracy (Wilson 1927), as if the answers were independent."""
-        return wilson(sum(answer.right for answer in self.answers), len(self.answers))
-
-    @property
-    def by_fold(self) -> dict[str, float]:
-        """Accuracy in each fold."""
-        names = dict.fromkeys(answer.fold for answer in self.answers)
-        return {n: float(np.mean([a.right for a in self.answers if a.fold == n])) for n in names}
-
-    @property
-    def classes(self) -> list[str]:
-        """The labels, sorted."""
-        return sorted({answer.label for answer in self.answers})
-
-    @property
-    def recall(self) -> dict[str, float]:
-        """Share of each class that was found."""
-        return {
-            label: float(np.mean([a.right for a in self.answers if a.label == label]))
-            for label in self.classes
-        }
-
-    def confusion(self) -> tuple[list[str], np.ndarray]:
-        """Names of the columns and the (C, C or more) counts.
-
-        The classes come first, then what was answered but never tested, then "(none)" if any.
-        """
-        none = "(none)"
-        predicted = [answer.predicted or none for answer in self.answers]
-        others = sorted({*predicted} - {*self.classes, none})
-        columns = self.classes + others + ([none] if none in predicted else [])
-        counts = np.zeros((len(self.classes), len(columns)), np.int64)
-        rows = [columns.index(answer.label) for answer in self.answers]
-        np.add.at(counts, (rows, [columns.index(name) for name in predicted]), 1)
-        return columns, counts
-
-    def rejection_curve(self) -> list[tuple[float, float, float]]:
-        """(threshold, coverage, accuracy of what is left), from the loosest to the strictest."""
-        return self._curve(np.array([a.distance for a in self.answers]), 1.0)
-
-    def margin_curve(self) -> list[tuple[float, float, float]]:
-        """(smallest margin, coverage, accuracy of what is left), from the loosest to the strictest."""
-        return self._curve(np.array([a.margin for a in self.answers]), -1.0)
-
-    def confidence_curve(self) -> list[tuple[float, float, float]]:
-        """(smallest probability, coverage, accuracy of what is left), from the loosest to the strictest."""
-        return self._curve(np.array([a.confidence for a in self.answers]), -1.0)
-
-    def confidence_for(self, accuracy: float) -> tuple[float, float, float] | None:
-        """The loosest point of `confidence_curve` of at least this accuracy; None without one."""
-        points = self.confidence_curve()
-        return next((point for point in points if point[2] >= accuracy), None)
-
-    @property
-    def calibration_error(self) -> float | None:
-        """Expected calibration error of the probabilities of the labels, in ten bins (Guo et al. 2017).
-
-        None where no label has a probability. Few answers make it larger than it is: with 100 of a
-        perfectly calibrated classifier it is about 0.09, with 1000 about 0.03.
-        """
-        known = [a for a in self.answers if a.predicted is not None and np.isfinite(a.confidence)]
-        if not known:
-            return None
-        sure, right = np.array([a.confidence for a in known]), np.array([a.right for a in known])
-        bins = np.minimum((10 * sure).astype(int), 9)
-        own = [bins == number for number in range(10)]
-        return float(sum(abs((sure[o] - right[o]).sum()) for o in own) / len(known))
-
-    def _curve(self, values: np.ndarray, sign: float) -> list[tuple[float, float, float]]:
-        """What is left where ``sign * value`` is at most ``sign * limit``, for every value as the limit.
-
-        What has no label already has none at any limit.
-        """
-        right = np.array([a.right for a in self.answers])
-        given = np.array([a.predicted is not None for a in self.answers])
-        curve = []
-        for limit in sorted({float(v) for v in values[given & np.isfinite(values)]}, key=lambda v: -sign * v):
-            kept = given & (sign * values <= sign * limit)
-            curve.append((limit, float(kept.mean()), float(right[kept].mean())))
-        return curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -418,14 +287,3 @@ def choose_nested(candidates: Sequence[Compared]) -> tuple[Evaluation, dict[str,
         whole = answer(candidates[choices[subject]], "leave-one-subject-out")
         answers += [a for a in whole.answers if a.subject == subject]
     return Evaluation(answers, "leave-one-subject-out, nested", candidates[0].settings), choices
-
-
-def wilson(right: int, total: int, z: float = 1.96) -> tuple[float, float]:
-    """Interval of a share from ``right`` successes in ``total`` trials (Wilson 1927)."""
-    if total == 0:
-        return 0.0, 1.0
-    share = right / total
-    middle = share + z * z / (2 * total)
-    spread = z * np.sqrt(share * (1 - share) / total + z * z / (4 * total * total))
-    scale = 1 + z * z / total
-    return max(0.0, float((middle - spread) / scale)), min(1.0, float((middle + spread) / scale))

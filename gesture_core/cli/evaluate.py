@@ -24,7 +24,7 @@ from gesture_core.cli.output import (
 from gesture_core.errors import ConfigError, MissingDependencyError
 
 if TYPE_CHECKING:
-    from gesture_core.classify.evaluation import Evaluation
+    from gesture_core.classify.scores import Evaluation
     from gesture_core.run.evaluate import EvaluationResult
 
 _SHOWN = 5

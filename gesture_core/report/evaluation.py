@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gesture_core.classify.evaluation import Answer, Evaluation
+from gesture_core.classify.scores import Answer, Evaluation
 from gesture_core.colours import BY_DISTANCE, BY_MARGIN
 from gesture_core.files import replacing
 from gesture_core.report.style import new_figure, save

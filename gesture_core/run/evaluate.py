@@ -12,15 +12,9 @@ from typing import Any
 import numpy as np
 
 from gesture_core.classify.comparison import check_settings
-from gesture_core.classify.evaluation import (
-    Compared,
-    Evaluation,
-    Labelled,
-    answer,
-    choose_nested,
-    compare_all,
-)
+from gesture_core.classify.evaluation import Compared, Labelled, answer, choose_nested, compare_all
 from gesture_core.classify.examples import sided_labels
+from gesture_core.classify.scores import Evaluation
 from gesture_core.errors import ConfigError, GestureError
 from gesture_core.run.archive import Sources, as_strings, with_changes
 from gesture_core.run.extract import Listener, people_of

@@ -10,8 +10,9 @@ import pytest
 
 from gesture_core import GestureClassifier
 from gesture_core.classify.decision import probabilities, temperature_of, votes_of
-from gesture_core.classify.evaluation import Answer, Compared, Evaluation, Labelled, answer
+from gesture_core.classify.evaluation import Compared, Labelled, answer
 from gesture_core.classify.learning import learn
+from gesture_core.classify.scores import Answer, Evaluation
 from gesture_core.errors import InputError
 from gesture_core.settings import Settings, load_settings
 

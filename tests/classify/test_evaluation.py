@@ -15,15 +15,8 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 from swings import pose, swing
 
-from gesture_core.classify.evaluation import (
-    Evaluation,
-    Labelled,
-    answer,
-    choose_nested,
-    compare_all,
-    folds,
-    wilson,
-)
+from gesture_core.classify.evaluation import Labelled, answer, choose_nested, compare_all, folds
+from gesture_core.classify.scores import Evaluation, wilson
 from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
 from gesture_core.settings import Settings, load_settings
 from gesture_core.types import PoseSequence, Signals

@@ -45,7 +45,7 @@ def test_nothing_of_a_confusion_plot_is_cut_off(labels: tuple[str, ...], tmp_pat
     pytest.importorskip("matplotlib")
     from matplotlib.image import imread
 
-    from gesture_core.classify.evaluation import Answer, Evaluation
+    from gesture_core.classify.scores import Answer, Evaluation
     from gesture_core.report.evaluation import confusion_plot
     from gesture_core.settings import load_settings
 
