@@ -27,6 +27,7 @@ from gesture_core.settings import Settings, settings_from_dict
 
 _ODD = re.compile(r"[^\w .=@+-]")
 _LONGEST = 100
+"""Bytes of a name before the times and the suffix: a file's name has 255."""
 
 
 @dataclass(frozen=True)
@@ -308,4 +309,5 @@ def _plain(text: str, stem: bool) -> str:
     path, _, member = text.partition("::")
     if stem:
         text = f"{Path(path).stem}-{member}" if member else Path(path).stem
-    return _ODD.sub("_", printable(text))[:_LONGEST].strip(". ") or "_"
+    cut = _ODD.sub("_", printable(text)).encode()[:_LONGEST].decode(errors="ignore")
+    return cut.strip(". ") or "_"

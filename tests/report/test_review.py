@@ -7,6 +7,7 @@ import http.client
 import json
 import os
 import shutil
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -120,6 +121,17 @@ def test_only_who_knows_the_address_is_answered(server: ReviewServer) -> None:
     for host in ("evil.example", f"evil.example:{server.server_port}", "127.0.0.1", ""):
         assert ask(server, "GET", secret, Host=host)[0] == 403, host
     assert ask(server, "GET", secret, Host=f"localhost:{server.server_port}")[0] == 200
+
+
+def test_an_address_that_is_none_is_refused_like_any_other(
+    server: ReviewServer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for path in ("http://[x/", f"//[{server.token}/", "*", f"/{server.token}/../index.html", "/\u00e9/"):
+        with socket.create_connection(("127.0.0.1", server.server_port), timeout=10) as opened:
+            asked = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{server.server_port}\r\n\r\n"
+            opened.sendall(asked.encode("latin-1"))
+            assert opened.recv(100).startswith(b"HTTP/1.1 404 "), path
+    assert capfd.readouterr().err == ""
 
 
 def test_an_answer_comes_from_the_page_itself_and_is_one(server: ReviewServer) -> None:

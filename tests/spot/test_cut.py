@@ -84,6 +84,16 @@ def test_clips_of_keypoints_hold_the_events_and_serve_as_examples(
     assert {row.status for row in found.rows()} <= {"ok", "rejected"} and found.counts["ok"] > 6
 
 
+def test_long_names_of_any_script_have_room(spotted: Path, drawn: DemoArchive, tmp_path: Path) -> None:
+    """A letter may take four bytes, and it is bytes that a file system counts."""
+    (tmp_path / "in").mkdir()
+    for name in ("手" * 82, "手" * 81 + "话"):
+        save(tmp_path / "in" / f"{name}.npz", load_poses(drawn.video_keypoints / "clip_01")[0])
+    classify_archive(tmp_path / "in", drawn.example_keypoints, tmp_path / "run")
+    clips = cut_events(tmp_path / "run", tmp_path / "out")
+    assert [clip.status for clip in clips] == ["written"] * 2 and len({clip.file for clip in clips}) == 2
+
+
 def test_only_one_label_and_a_margin(spotted: Path, tmp_path: Path) -> None:
     plain = cut_events(spotted, tmp_path / "plain")
     label = plain[0].label
