@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.errors import ConfigError
-from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable
+from gesture_core.errors import ConfigError, PluginError
+from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable, lacking
 from gesture_core.pose.follow import Follower
 from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import skeleton
@@ -60,6 +60,12 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
     }
     options |= settings.plugin_options(pose.backend)
     backend: PoseBackend = plugins.make("pose", pose.backend, options, model=find_model(pose.model))
+    if part := lacking("pose", backend):
+        raise PluginError(
+            f"{plugins.find('pose', pose.backend)}: {part}",
+            remedy="another --pose, or report it",
+            code="E_PLUGIN_CONTRACT",
+        )
     return backend
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,11 +19,6 @@ from gesture_core.run.results import open_results
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.signals.chain import Chain
 from gesture_core.types import Signals
-
-_FOLDER = re.compile(r"[^./\\\0][^/\\\0]*")
-"""A label that a folder of examples can have: it leads nowhere else, and is not passed over as hidden."""
-_LONGEST = 255
-"""Bytes of the name of a folder."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +75,8 @@ def add_corrections(
             left_out[reason] = left_out.get(reason, 0) + 1
         else:
             usable.append(one)
+    if not usable:
+        return Corrections((), 0, left_out)
     with open_results(run) as results:
         recognizer = open_fitted(run, results.get("fingerprint") or "")
         rows = {key: row for key, row in results.keyed_rows() if not row.person}
@@ -168,8 +164,8 @@ def _reason(one: Answered) -> str:
         return "one of several people in the input"
     if one.member:
         return "one of several sequences in a file"
-    if not _FOLDER.fullmatch(one.label) or len(one.label.encode("utf-8", "surrogateescape")) > _LONGEST:
-        return "the label is no name of a folder: gesture review --export makes a table of them"
+    if set(one.label) & set("/\\") or one.label.startswith("."):
+        return "a label that no folder of examples can have: gesture review --export makes a table of them"
     return ""
 
 

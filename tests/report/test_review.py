@@ -29,7 +29,7 @@ from gesture_core.run.answers import NONE, Answered, Answers, write_answers
 from gesture_core.run.archive import classify_archive, load_poses
 from gesture_core.run.corrections import add_corrections, choose
 from gesture_core.run.manifests import read_manifest
-from gesture_core.run.results import open_results
+from gesture_core.run.results import FITTED, open_results
 from gesture_core.run.store import write_keypoints
 
 __all__ = ["classified"]
@@ -242,21 +242,27 @@ def test_a_correction_becomes_an_example_and_the_next_run_knows_it(
         add_corrections(classified[0], tmp_path / "other")
 
 
+def test_answers_that_can_be_no_example_are_counted_by_their_reasons(
+    classified: tuple[Path, Path], copy: Path, tmp_path: Path
+) -> None:
+    with open_results(copy) as results:
+        place = next(place for place, row in enumerate(results.rows()) if row.label == "wave")
+    for label in ("up/left", "..", "a\\b"):
+        with Answers(copy) as answers:
+            answers.give(place, label)
+        found = add_corrections(copy, tmp_path / "examples")
+        assert (found.added, *found.left_out.values()) == ((), 1) and "--export" in next(iter(found.left_out))
+    (copy / FITTED).unlink()  # as in a run of gesture spot
+    with Answers(copy) as answers:
+        answers.give(place, None)
+    assert add_corrections(copy, tmp_path / "examples").left_out == {"none of the gestures": 1}
+    assert not (tmp_path / "examples").exists()
+
+
 def known(classified: tuple[Path, Path]) -> list[dict[str, str]]:
     """The examples of the run."""
     with open_results(classified[0]) as results:
         return list(json.loads(results.get("configuration") or "{}")["examples"].values())
-
-
-def test_a_label_that_is_no_folder_makes_none(copy: Path, tmp_path: Path) -> None:
-    """Examples in tables have labels of any form: one with a slash would lead elsewhere."""
-    for label in ("../../elsewhere", "yes/no", ".hidden", "wave\0", "long" * 99):
-        with Answers(copy) as answers:
-            answers.give(next(place for place, (_, row) in enumerate(answers.rows) if row.label), label)
-        found = add_corrections(copy, tmp_path / "new" / "examples")
-        assert not found.added and list(found.left_out.values()) == [1]
-        assert "no name of a folder" in next(iter(found.left_out))
-    assert not (tmp_path / "elsewhere").exists() and not (tmp_path / "new").exists()
 
 
 def test_corrections_are_about_the_first_of_several_people(drawn: DemoArchive, tmp_path: Path) -> None:

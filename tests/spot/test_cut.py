@@ -125,6 +125,11 @@ def test_what_is_gone_or_changed_costs_itself(
         }
         assert gesture(["cut", str(spotted), "--out", str(tmp_path / "clips"), "--workers", "1"]) == 3
         assert '"status": "error E_CHANGED"' in capsys.readouterr().out
+        for damaged in (b"", b"no keypoints", kept[:200]):
+            one.write_bytes(damaged)
+            clips = cut_events(spotted, tmp_path / "clips")
+            assert {c.status for c in clips if Path(c.input).name == "one.npz"} == {"error"}, damaged
+            assert all(c.code and c.message for c in clips if c.status == "error")
     finally:
         one.write_bytes(kept)
 
