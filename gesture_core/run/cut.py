@@ -26,8 +26,8 @@ from gesture_core.run.workers.processes import ProcessEngine
 from gesture_core.settings import Settings, settings_from_dict
 
 _ODD = re.compile(r"[^\w .=@+-]")
-_LONGEST = 100
-"""Bytes of a name before the times and the suffix: a file's name has 255."""
+_LONGEST = 150
+"""Bytes of a name, beside which the times have room in the 255 that file systems give."""
 
 
 @dataclass(frozen=True)
@@ -309,5 +309,5 @@ def _plain(text: str, stem: bool) -> str:
     path, _, member = text.partition("::")
     if stem:
         text = f"{Path(path).stem}-{member}" if member else Path(path).stem
-    cut = _ODD.sub("_", printable(text)).encode()[:_LONGEST].decode(errors="ignore")
-    return cut.strip(". ") or "_"
+    short = _ODD.sub("_", printable(text)).encode()[:_LONGEST].decode(errors="ignore")
+    return short.strip(". ") or "_"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import http.client
 import json
 import queue
 import threading
@@ -10,6 +9,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from http.client import HTTPException
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -49,7 +49,10 @@ class Webhook:
     """
 
     def __init__(self, url: str, say: Callable[[str], None]) -> None:
-        parts = urlsplit(url)
+        try:
+            parts = urlsplit(url)
+        except ValueError:  # such as a bracket that is never closed
+            parts = urlsplit("")
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise ConfigError(f"--webhook {url!r}", remedy="http://… or https://…", code="E_OPTION")
         self._url, self._say = url, say
@@ -99,8 +102,8 @@ class Webhook:
                 return ""
         except urllib.error.HTTPError as error:
             return f"answered {error.code}"
-        except (OSError, ValueError, http.client.HTTPException) as error:
-            return str(getattr(error, "reason", error)).strip()
+        except (OSError, ValueError, HTTPException) as error:  # the last is an answer that is no HTTP
+            return str(getattr(error, "reason", error)) or type(error).__name__
 
     def _failed(self, fault: str) -> None:
         self.undelivered += 1

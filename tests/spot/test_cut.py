@@ -84,16 +84,6 @@ def test_clips_of_keypoints_hold_the_events_and_serve_as_examples(
     assert {row.status for row in found.rows()} <= {"ok", "rejected"} and found.counts["ok"] > 6
 
 
-def test_long_names_of_any_script_have_room(spotted: Path, drawn: DemoArchive, tmp_path: Path) -> None:
-    """A letter may take four bytes, and it is bytes that a file system counts."""
-    (tmp_path / "in").mkdir()
-    for name in ("手" * 82, "手" * 81 + "话"):
-        save(tmp_path / "in" / f"{name}.npz", load_poses(drawn.video_keypoints / "clip_01")[0])
-    classify_archive(tmp_path / "in", drawn.example_keypoints, tmp_path / "run")
-    clips = cut_events(tmp_path / "run", tmp_path / "out")
-    assert [clip.status for clip in clips] == ["written"] * 2 and len({clip.file for clip in clips}) == 2
-
-
 def test_only_one_label_and_a_margin(spotted: Path, tmp_path: Path) -> None:
     plain = cut_events(spotted, tmp_path / "plain")
     label = plain[0].label
@@ -232,3 +222,16 @@ def test_the_sound_comes_along(tmp_path: Path) -> None:
     (quiet,) = cut_events(run, tmp_path / "quiet")
     with av.open(str(quiet.file)) as opened:
         assert not opened.streams.audio
+
+
+def test_a_long_name_in_any_script_leaves_room_for_the_times(drawn: DemoArchive, tmp_path: Path) -> None:
+    (pose,) = load_poses(sorted(drawn.video_keypoints.iterdir())[0], workers=1)
+    place = tmp_path / f"{'手' * 80}.npz"
+    save(place, pose)
+    rows = [event(1, *pose.times[[0, -1]].tolist(), place, label="振" * 90)]
+    folder = tmp_path / "run"
+    with Results(a_run(folder, [], place), create=True) as results:
+        results.commit(Input(place, str(place), "keypoints"), rows)
+    (clip,) = cut_events(folder, tmp_path / "clips")
+    assert (clip.status, clip.message) == ("written", "")
+    assert clip.file.stem.startswith("手手手") and "stands for" in clip.note
