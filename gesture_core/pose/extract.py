@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.errors import PluginError
+from gesture_core.errors import ConfigError, PluginError
 from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable, lacking
 from gesture_core.pose.follow import Follower
 from gesture_core.pose.temporal import JointChoice
@@ -46,6 +46,13 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
     pose, plugins = settings.pose, registry()
     device = next((one for one in (pose.provider, pose.target) if one != "auto"), None)
     shared = {"threads": threads, "height": pose.height, "score": pose.score, "device": device}
+    for key in ("height", "score"):
+        if shared[key] is not None and not plugins.takes("pose", pose.backend, key):
+            raise ConfigError(
+                f"pose.{key} is nothing to the pose backend {pose.backend}",
+                remedy=f"no pose.{key}; 'gesture plugins {pose.backend}' lists its options",
+                code="E_OPTION",
+            )
     options = {
         key: value
         for key, value in shared.items()

@@ -144,7 +144,7 @@ def _mark(row: Row) -> str:
 def write_answers(answered: Sequence[Answered], path: Path) -> Path:
     """Write answers as a table that `gesture classify` takes as a source of examples, and as ``--labels``.
 
-    Answers about a part of an input have no ``path``, so that nobody takes their labels for that of the whole.
+    Answers about a part of an input have no ``path``: nobody takes their labels for that of the whole.
 
     Raises
     ------
@@ -153,7 +153,10 @@ def write_answers(answered: Sequence[Answered], path: Path) -> Path:
     """
     if not answered:
         raise InputError("nothing was answered yet", remedy="gesture review RUN", code="E_EMPTY")
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+    with (  # a name of other bytes stays as it is, as tables of paths are read
+        replacing(path) as temporary,
+        temporary.open("w", encoding="utf-8", errors="surrogateescape", newline="") as file,
+    ):
         table = csv.writer(file)
         table.writerow(("path", "label", "input", "person", "start", "end", "recognised_as", "status"))
         for one in answered:

@@ -79,7 +79,7 @@ def add_corrections(
         return Corrections((), 0, left_out)
     with open_results(run) as results:
         recognizer = open_fitted(run, results.get("fingerprint") or "")
-        rows = dict(results.keyed_rows())
+        rows = {key: row for key, row in results.keyed_rows() if not row.person}
     if recognizer is None:
         raise RunFolderError(
             "holds no fitted examples", subject=str(run), remedy="gesture classify once more", code="E_NO_RUN"

@@ -145,7 +145,6 @@ def cut_events(
             clips[number] = _failed(clip, item)
         elif not clip.file.exists():
             waiting[row.input].append(number)
-    listener.planned(len(names), len(waiting), 0, "")
     work = _Work(settings, wanted, clips, crowded, margin, sound, listener)
     found = {name: item for name, item in inputs.items() if name in waiting and isinstance(item, Input)}
     for number, clip in work.keypoints({n: i for n, i in found.items() if i.kind == "keypoints"}, waiting):
@@ -219,6 +218,7 @@ class _Work:
             tasks.append(Task(place, "cut", arguments))
         engine = ProcessEngine(max(1, min(workers, len(tasks))), self.settings.limits)
         job = Job(self.settings.as_dict(), "")
+        self.listener.planned(len(tasks), len(tasks), 0, "")
         self.listener.stage("cutting")
         try:
             for outcome in engine.run(

@@ -21,6 +21,13 @@ _WAITS = (0.5, 2.0)
 """Seconds before a second and a third attempt."""
 
 
+class _Here(urllib.request.HTTPRedirectHandler):
+    """Follows nobody: the other address would be asked, not posted to, and the event counted as delivered."""
+
+    def redirect_request(self, *_: Any) -> None:
+        """No further request: the answer is an error, with its number."""
+
+
 class Webhook:
     """Posts JSON. Use as a context manager; at its end, what waits has a few seconds left.
 
@@ -49,6 +56,7 @@ class Webhook:
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise ConfigError(f"--webhook {url!r}", remedy="http://… or https://…", code="E_OPTION")
         self._url, self._say = url, say
+        self._opener = urllib.request.build_opener(_Here)
         self._where = f"{parts.scheme}://{parts.hostname}"
         self.undelivered = 0
         self._queue: queue.Queue[bytes | None] = queue.Queue(_ROOM)
@@ -90,7 +98,7 @@ class Webhook:
             self._url, data, {"Content-Type": "application/json", "User-Agent": "gesture-core"}
         )
         try:
-            with urllib.request.urlopen(request, timeout=_SECONDS):
+            with self._opener.open(request, timeout=_SECONDS):
                 return ""
         except urllib.error.HTTPError as error:
             return f"answered {error.code}"

@@ -5,11 +5,14 @@ from __future__ import annotations
 import csv
 import http.client
 import json
+import os
 import shutil
+import socket
 import sqlite3
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +22,22 @@ from browser import browser, complaints, requested, resize
 from test_run_page import classified
 
 from gesture_core.cli.main import run
+from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import InputError
 from gesture_core.report.review_server import ReviewServer
 from gesture_core.report.run_page import write_report
-from gesture_core.run.answers import NONE, Answers, write_answers
-from gesture_core.run.archive import classify_archive
+from gesture_core.run.answers import NONE, Answered, Answers, write_answers
+from gesture_core.run.archive import classify_archive, load_poses
 from gesture_core.run.corrections import add_corrections, choose
 from gesture_core.run.manifests import read_labels, read_manifest
 from gesture_core.run.results import FITTED, open_results
+from gesture_core.run.store import write_keypoints
 
 __all__ = ["classified"]
+FACTS: dict[str, Any] = {
+    "frames_declared": None, "frames_read": 2, "frames_looked_at": 2, "complete": True, "notes": [],
+    "seconds": 1.0, "assumed": "",
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -115,6 +124,14 @@ def test_the_label_of_a_part_is_not_that_of_all_of_the_input(
         assert [Path(row["input"]).name for row in csv.DictReader(file)] == ["clip_02", "clip_03", "clip_04"]
 
 
+def test_a_name_that_is_no_text_is_written_byte_by_byte_and_read_again(copy: Path, tmp_path: Path) -> None:
+    with Answers(copy) as answers:
+        row = answers.rows[1][1]
+    name = tmp_path / os.fsdecode(b"b\xff'\"%,x.mp4")
+    table = write_answers([Answered(os.fsencode(name) + b"\0", row, "wave")], tmp_path / "corrected.csv")
+    assert read_manifest(table) == [(name, "wave")]
+
+
 def test_only_who_knows_the_address_is_answered(server: ReviewServer) -> None:
     secret = f"/{server.token}/"
     status, body, headers = ask(server, "GET", secret)
@@ -126,6 +143,17 @@ def test_only_who_knows_the_address_is_answered(server: ReviewServer) -> None:
     for host in ("evil.example", f"evil.example:{server.server_port}", "127.0.0.1", ""):
         assert ask(server, "GET", secret, Host=host)[0] == 403, host
     assert ask(server, "GET", secret, Host=f"localhost:{server.server_port}")[0] == 200
+
+
+def test_an_address_that_is_none_is_refused_like_any_other(
+    server: ReviewServer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for path in ("http://[x/", f"//[{server.token}/", "*", f"/{server.token}/../index.html", "/\u00e9/"):
+        with socket.create_connection(("127.0.0.1", server.server_port), timeout=10) as opened:
+            asked = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{server.server_port}\r\n\r\n"
+            opened.sendall(asked.encode("latin-1"))
+            assert opened.recv(100).startswith(b"HTTP/1.1 404 "), path
+    assert capfd.readouterr().err == ""
 
 
 def test_an_answer_comes_from_the_page_itself_and_is_one(server: ReviewServer) -> None:
@@ -257,3 +285,24 @@ def known(classified: tuple[Path, Path]) -> list[dict[str, str]]:
     """The examples of the run."""
     with open_results(classified[0]) as results:
         return list(json.loads(results.get("configuration") or "{}")["examples"].values())
+
+
+def test_corrections_are_about_the_first_of_several_people(drawn: DemoArchive, tmp_path: Path) -> None:
+    names = [drawn.video_keypoints / name for name in ("clip_01", "clip_02")]
+    whole = [load_poses(name)[0] for name in names]
+    brief = [
+        replace(one, keypoints=one.keypoints[:2], scores=one.scores[:2], times=one.times[:2]) for one in whole
+    ]
+    (tmp_path / "in").mkdir()
+    write_keypoints(tmp_path / "in" / "first.parquet", [whole[0], replace(brief[1], person=1)], FACTS)
+    write_keypoints(tmp_path / "in" / "second.parquet", [brief[0], replace(whole[1], person=1)], FACTS)
+    done = classify_archive(tmp_path / "in", drawn.example_keypoints, tmp_path / "run", pose__people="multi")
+    assert [row.distance is None for row in done.rows()] == [False, True, True, False]
+    label = done.rows()[0].label
+    with Answers(tmp_path / "run") as answers:
+        answers.give(0, label)
+    assert add_corrections(tmp_path / "run", tmp_path / "examples").redundant == 1
+    with Answers(tmp_path / "run") as answers:
+        answers.give(0, "clap" if label != "clap" else "wave")
+    (added,) = add_corrections(tmp_path / "run", tmp_path / "examples").added
+    assert added.name == "first.parquet"

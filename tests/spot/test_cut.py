@@ -228,7 +228,7 @@ def test_a_long_name_in_any_script_leaves_room_for_the_times(drawn: DemoArchive,
     (pose,) = load_poses(sorted(drawn.video_keypoints.iterdir())[0], workers=1)
     place = tmp_path / f"{'手' * 80}.npz"
     save(place, pose)
-    rows = [event(1, *pose.times[[0, -1]].tolist(), place, label="振" * 90)]
+    rows = [event(1, float(pose.times[0]), float(pose.times[-1]), place, label="振" * 90)]
     folder = tmp_path / "run"
     with Results(a_run(folder, [], place), create=True) as results:
         results.commit(Input(place, str(place), "keypoints"), rows)

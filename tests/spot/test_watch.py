@@ -342,6 +342,35 @@ def test_an_answer_that_is_no_http_costs_its_own_event_alone() -> None:
     assert hook.undelivered == 1 and len(said) == 1 and "not delivered" in said[0]
 
 
+def test_an_event_that_is_led_elsewhere_is_not_delivered() -> None:
+    """Whoever follows asks there, and posts nothing: the answer of a page to log in is no delivery."""
+    asked: list[str] = []
+
+    class Elsewhere(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            self.rfile.read(int(self.headers["Content-Length"]))
+            asked.append(self.path)
+            self.send_response(302)
+            self.send_header("Location", "/login")
+            self.end_headers()
+
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        said: list[str] = []
+        with Webhook(f"http://127.0.0.1:{server.server_port}/gestures", said.append) as hook:
+            hook.send({"label": "wave"})
+        server.shutdown()
+    assert hook.undelivered == 1 and "answered 302" in said[0] and set(asked) == {"/gestures"}
+
+
 @pytest.fixture(scope="module")
 def film(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A video of three drawn clips, one after the other, with a second of rest between them."""
