@@ -52,12 +52,17 @@ def _to_standard_error(line: str) -> None:
 
 @contextmanager
 def warnings_as_lines(*, events: bool = False) -> Iterator[None]:
-    """What functions of the package warn of in the block, as lines for people.
+    """What functions of the package warn of in the block, as lines for people, each text once.
 
     With ``events``, as lines for programs where standard error is no terminal.
     """
 
+    said: set[str] = set()
+
     def show(message: Warning | str, *_: object, **__: object) -> None:
+        if str(message) in said:
+            return
+        said.add(str(message))
         if events and not sys.stderr.isatty():
             say_event("warning", message=printable(str(message)))
         else:

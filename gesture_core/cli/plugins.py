@@ -18,6 +18,7 @@ from gesture_core.cli.output import counted, print_list, print_table, say
 from gesture_core.errors import GestureError, MissingDependencyError, ModelError, PluginError, PoseError, near
 from gesture_core.files import printable
 from gesture_core.plugin import registry
+from gesture_core.plugin.abilities import lacking
 from gesture_core.plugin.hooks import KINDS
 from gesture_core.plugin.registry import Registration, Registry, calling
 from gesture_core.settings import load_settings
@@ -142,6 +143,8 @@ def _make(found: Registry, entry: Registration) -> None:
         made.close()
     if absent:
         raise PluginError(f"it has no {' and no '.join(absent)}, as every {kind.title} does")
+    if part := lacking(entry.kind, made):
+        raise PluginError(part)
 
 
 def _show(found: Registry, name: str) -> None:

@@ -48,7 +48,8 @@ def progress(
 class Events(Listener):
     """One line when the work is planned, for each failed example, and every two seconds.
 
-    What is done is counted: inputs and examples, each once, and frames that were decoded now.
+    What is done is counted: inputs and examples, each once, and frames that were decoded now. Where work is
+    planned in several stages, it adds up.
     """
 
     def __init__(self, sources: Sequence[str] = (), examples: Sequence[str] = ()) -> None:
@@ -59,7 +60,7 @@ class Events(Listener):
         self._started = self._last = time.monotonic()
 
     def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
-        self._total = waiting + examples if waiting else 0
+        self._total += waiting + examples if waiting else 0
         self._plan(inputs=inputs, waiting=waiting, examples=examples, kernel=kernel)
 
     def stage(self, name: str) -> None:
@@ -110,7 +111,11 @@ class Events(Listener):
         if now - self._last < _SECONDS_BETWEEN_LINES:
             return
         self._last = now
-        left = (now - self._started) / self._done * (self._total - self._done) if self._done else None
+        left = (
+            (now - self._started) / self._done * (self._total - self._done)
+            if self._done and self._total
+            else None
+        )
         say_event(
             "progress",
             stage=self._stage or "keypoints",

@@ -5,6 +5,7 @@ A class has an ability that has its methods and attributes; deriving from the Pr
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
@@ -38,7 +39,8 @@ class LazyFrames(Protocol):
 class CropFollowing(Protocol):
     """A pose backend that says how a person is best followed through a video.
 
-    One that does not is given whole pictures, and limbs are chosen over time.
+    One that does not is given whole pictures, and limbs are chosen over time. One that has only some of
+    these is an error.
     """
 
     follow: bool
@@ -211,3 +213,24 @@ class Closeable(Protocol):
     def close(self) -> None:
         """End what is kept."""
         ...
+
+
+_OF_SEVERAL_PARTS: Mapping[str, tuple[type, ...]] = {
+    "pose": (CropFollowing, RegionFollowing),
+    "kernel": (SearchKernel,),
+}
+"""The abilities that a plugin may have in part by mistake, by its kind."""
+
+
+def lacking(kind: str, plugin: object) -> str:
+    """What a plugin lacks of an ability of which it has a part, which counts for nothing; mostly empty."""
+    absent = object()
+    for ability in _OF_SEVERAL_PARTS.get(kind, ()):
+        names = [name for name in {**vars(ability), **ability.__annotations__} if not name.startswith("_")]
+        has = [name for name in names if inspect.getattr_static(plugin, name, absent) is not absent]
+        no = [name for name in names if name not in has]
+        if has and no:
+            return (
+                f"it has {' and '.join(has)} but no {' and no '.join(no)}: {ability.__name__} takes them all"
+            )
+    return ""

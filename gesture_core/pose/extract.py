@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable
+from gesture_core.errors import ConfigError, PluginError
+from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable, lacking
 from gesture_core.pose.follow import Follower
 from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import skeleton
@@ -45,6 +46,13 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
     pose, plugins = settings.pose, registry()
     device = next((one for one in (pose.provider, pose.target) if one != "auto"), None)
     shared = {"threads": threads, "height": pose.height, "score": pose.score, "device": device}
+    for key in ("height", "score"):
+        if shared[key] is not None and not plugins.takes("pose", pose.backend, key):
+            raise ConfigError(
+                f"pose.{key} is nothing to the pose backend {pose.backend}",
+                remedy=f"no pose.{key}; 'gesture plugins {pose.backend}' lists its options",
+                code="E_OPTION",
+            )
     options = {
         key: value
         for key, value in shared.items()
@@ -52,6 +60,12 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
     }
     options |= settings.plugin_options(pose.backend)
     backend: PoseBackend = plugins.make("pose", pose.backend, options, model=find_model(pose.model))
+    if part := lacking("pose", backend):
+        raise PluginError(
+            f"{plugins.find('pose', pose.backend)}: {part}",
+            remedy="another --pose, or report it",
+            code="E_PLUGIN_CONTRACT",
+        )
     return backend
 
 

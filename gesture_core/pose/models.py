@@ -11,8 +11,8 @@ import hashlib
 import os
 import re
 import tomllib
+import warnings
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -280,6 +280,11 @@ _BUILDS = {
 def choose_pose(settings: Settings) -> Settings:
     """The settings with what ``auto`` in [pose] stands for on this machine.
 
+    Warns
+    -----
+    UserWarning
+        Where a stronger network is here, and no backend can be had for it.
+
     Raises
     ------
     ModelError
@@ -296,8 +301,12 @@ def choose_pose(settings: Settings) -> Settings:
         names = [name for name in auto_models() if is_here(name)] or auto_models()[-1:]
     *others, last = names
     for name in others:
-        with suppress(ConfigError, PluginError):  # what the settings name cannot run this one
+        try:
             return replace(settings, pose=_resolved(settings, name))
+        except ConfigError:  # what the settings name cannot run this one
+            continue
+        except PluginError as error:
+            warnings.warn(f"the network {name} is not used: {error.message}", stacklevel=2)
     return replace(settings, pose=_resolved(settings, last))
 
 

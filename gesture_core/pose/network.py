@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gesture_core.errors import ModelError, PoseError
+from gesture_core.errors import ConfigError, ModelError, PoseError
 from gesture_core.pose.contract import ModelContract, Tensor, infer_contract
 from gesture_core.pose.decode import decode
 from gesture_core.pose.follow import Anatomy
@@ -137,6 +137,8 @@ class NetworkBackend(ABC):
 
     Raises
     ------
+    ConfigError
+        ``E_OPTION`` where a height is asked for that the network does not take.
     ModelError
         Where the file changed, is no network, keeps weights in other files, or has an unknown layout.
     """
@@ -181,6 +183,14 @@ class NetworkBackend(ABC):
             self.declared(data)  # refuses what would have a runtime open other files
         self.open(data)
         self.contract = model.contract or self._contract_of_a_run(data)
+        size = self.contract.input_size
+        if height is not None and size is not None and height != size[0]:
+            raise ConfigError(
+                f"height {height}: the network takes pictures of {size[1]}x{size[0]} alone",
+                subject=model.name,
+                remedy="no pose.height, or a network of any size",
+                code="E_OPTION",
+            )
         self.follow, self.crop = self.contract.follow, self.contract.crop
         self.steady = self.contract.steady if steady is None else steady
         self.region = (

@@ -10,7 +10,6 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 from gesture_core.errors import GestureError
 from gesture_core.report.run_page import DATA, INDEX
@@ -129,7 +128,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _asked(self) -> str | None:
         """What is asked for, below the secret part of the address; None once it has been refused."""
         hosts = {f"{name}:{self.server.server_port}" for name in ("127.0.0.1", "localhost")}
-        _, token, name = (urlsplit(self.path).path + "//").split("/", 2)
+        _, token, name = (self.path.partition("?")[0] + "//").split("/", 2)
         if self.headers.get("Host") not in hosts:  # a foreign name that was made to lead here
             self._refuse(HTTPStatus.FORBIDDEN)
             return None

@@ -1,4 +1,4 @@
-"""RowPreviews of the rows of a run: which are needed, which are in the cache, and making the others."""
+"""Previews of the rows of a run: which are needed, which are in the cache, and making the others."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from gesture_core.cores import usable_cores
 from gesture_core.files import cache_dir, switched_on, tree_sha256
 from gesture_core.run.inputs import Input
-from gesture_core.run.store import keypoint_store
+from gesture_core.run.store import keypoint_store, mark_used, prune
 from gesture_core.run.workers.functions import encoded
 from gesture_core.run.workers.previews import REVISION
 from gesture_core.run.workers.processes import ProcessEngine
@@ -84,10 +84,12 @@ class RowPreviews:
             if switched_on("GESTURE_NO_CACHE") or not _cached(name).is_file():
                 tasks.setdefault(item, []).append(name)
             else:
+                mark_used(_cached(name))
                 made(name)
         reasons = self._draw(tasks, workers, made)
         for name in self._wanted:
             _place(_cached(name), self.folder / name)
+        prune(_cache(), self.settings.limits.cache)
         missing = {name for name in self._wanted if not (self.folder / name).is_file()}
         return {name: reasons.get(name, "there is no frame to show") for name in missing}
 
@@ -124,8 +126,12 @@ class RowPreviews:
         return Task(number, "draw_previews", arguments)
 
 
+def _cache() -> Path:
+    return cache_dir() / "previews"
+
+
 def _cached(name: str) -> Path:
-    return cache_dir() / "previews" / name[:2] / name
+    return _cache() / name[:2] / name
 
 
 def _place(source: Path, target: Path) -> None:

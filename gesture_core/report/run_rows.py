@@ -87,7 +87,7 @@ def read_rows(
     page = _Page(run, settings, examples, recognizer, RowPreviews(settings, clips))
     rows = [_PageRow(key, row) for key, row in keyed]
     page.find(rows, labels, label_columns)
-    page.look(rows, _InTurn(listener or Listener()), previews=previews, workers=workers)
+    page.look(rows, listener or Listener(), previews=previews, workers=workers)
     spotted = any(row.event or row.code == "E_NO_EVENT" for _, row in keyed)
     facts = {
         "version": __version__,
@@ -108,19 +108,6 @@ def read_rows(
         [(one.key, one.row.person, one.row.event) for one in rows],
         len({one.preview.name for one in rows if one.preview and not one.missing}), missing,
     )  # fmt: skip
-
-
-class _InTurn(Listener):
-    """One listener for several stages of work: what is planned adds up."""
-
-    def __init__(self, listener: Listener) -> None:
-        self._listener, self._planned = listener, 0
-        self.stage, self.network = listener.stage, listener.network  # type: ignore[method-assign]
-        self.frames, self.extracted = listener.frames, listener.extracted  # type: ignore[method-assign]
-
-    def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
-        self._planned += inputs
-        self._listener.planned(self._planned, self._planned, 0, "")
 
 
 @dataclass

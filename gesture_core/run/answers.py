@@ -146,7 +146,10 @@ def write_answers(answered: Sequence[Answered], path: Path) -> Path:
     """
     if not answered:
         raise InputError("nothing was answered yet", remedy="gesture review RUN", code="E_EMPTY")
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+    with (  # a name of other bytes stays as it is, as tables of paths are read
+        replacing(path) as temporary,
+        temporary.open("w", encoding="utf-8", errors="surrogateescape", newline="") as file,
+    ):
         table = csv.writer(file)
         table.writerow(("path", "label", "person", "start", "end", "recognised_as", "status"))
         for one in answered:

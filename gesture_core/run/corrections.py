@@ -75,9 +75,11 @@ def add_corrections(
             left_out[reason] = left_out.get(reason, 0) + 1
         else:
             usable.append(one)
+    if not usable:
+        return Corrections((), 0, left_out)
     with open_results(run) as results:
         recognizer = open_fitted(run, results.get("fingerprint") or "")
-        rows = dict(results.keyed_rows())
+        rows = {key: row for key, row in results.keyed_rows() if not row.person}
     if recognizer is None:
         raise RunFolderError(
             "holds no fitted examples", subject=str(run), remedy="gesture classify once more", code="E_NO_RUN"
@@ -162,6 +164,8 @@ def _reason(one: Answered) -> str:
         return "one of several people in the input"
     if one.member:
         return "one of several sequences in a file"
+    if set(one.label) & set("/\\") or one.label.startswith("."):
+        return "a label that no folder of examples can have: gesture review --export makes a table of them"
     return ""
 
 

@@ -26,7 +26,8 @@ from gesture_core.run.workers.processes import ProcessEngine
 from gesture_core.settings import Settings, settings_from_dict
 
 _ODD = re.compile(r"[^\w .=@+-]")
-_LONGEST = 100
+_LONGEST = 150
+"""Bytes of a name, beside which the times have room in the 255 that file systems give."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,6 @@ def cut_events(
             clips[number] = _failed(clip, item)
         elif not clip.file.exists():
             waiting[row.input].append(number)
-    listener.planned(len(names), len(waiting), 0, "")
     work = _Work(settings, wanted, clips, crowded, margin, sound, listener)
     found = {name: item for name, item in inputs.items() if name in waiting and isinstance(item, Input)}
     for number, clip in work.keypoints({n: i for n, i in found.items() if i.kind == "keypoints"}, waiting):
@@ -218,6 +218,7 @@ class _Work:
             tasks.append(Task(place, "cut", arguments))
         engine = ProcessEngine(max(1, min(workers, len(tasks))), self.settings.limits)
         job = Job(self.settings.as_dict(), "")
+        self.listener.planned(len(tasks), len(tasks), 0, "")
         self.listener.stage("cutting")
         try:
             for outcome in engine.run(
@@ -308,4 +309,5 @@ def _plain(text: str, stem: bool) -> str:
     path, _, member = text.partition("::")
     if stem:
         text = f"{Path(path).stem}-{member}" if member else Path(path).stem
-    return _ODD.sub("_", printable(text))[:_LONGEST].strip(". ") or "_"
+    short = _ODD.sub("_", printable(text)).encode()[:_LONGEST].decode(errors="ignore")
+    return short.strip(". ") or "_"

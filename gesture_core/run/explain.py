@@ -175,8 +175,6 @@ def _people(
     for name, item in find_inputs({name: places.get(name) for name in hashes}, settings).items():
         if isinstance(item, GestureError):
             raise item
-        if item.kind == "broken":
-            raise item.error()
         names.setdefault(item.key, []).append(name)
         items[item.key] = item
     people: dict[str, list[PoseSequence]] = {}

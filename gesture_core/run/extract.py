@@ -29,7 +29,7 @@ class Listener:
     """Told about work as it goes on; override what is of interest."""
 
     def planned(self, inputs: int, waiting: int, examples: int, kernel: str) -> None:
-        """The work is known: all inputs, those that still wait, the examples, the kernel."""
+        """Work is known: all inputs, those that still wait, the examples, the kernel; stages of it add up."""
 
     def stage(self, name: str) -> None:
         """What is done from now on: ``keypoints``, ``fitting``, ``comparing`` or ``writing``."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.cores import usable_cores
-from gesture_core.errors import GestureError, InputError, WorkerError
+from gesture_core.errors import Code, GestureError, InputError, WorkerError
 from gesture_core.records import Job, Task
 from gesture_core.run.archive import Sources, as_strings, with_changes
 from gesture_core.run.extract import Listener, extract_all, people_of
@@ -104,7 +104,8 @@ def find(
     failed: dict[str, tuple[str, str]] = {}
     if len(sources) == 1 and (Path(sources[0]) / DATABASE).is_file():
         with open_results(sources[0]) as results:
-            places = {row.input: results.place_of(row.input) for row in results.rows()}
+            names = dict.fromkeys(row.input for row in results.rows() if row.code != Code.NOT_AN_INPUT)
+            places = {name: results.place_of(name) for name in names}
             configuration = json.loads(results.get("configuration") or "{}")
         if settings is None and not changes:
             ready = settings_from_dict(configuration["settings"])
@@ -131,6 +132,8 @@ def find(
                 failed[item.name] = extracted.code, extracted.message
             elif extracted.people:
                 waiting.append((item, extracted))
+            else:
+                found.notes[item.name] = "nobody was found"
             if len(waiting) >= _BATCH:
                 found = search.add(found, waiting)
                 waiting = []

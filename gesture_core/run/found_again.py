@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
@@ -28,20 +29,20 @@ def find_inputs(
         Of the run.
     """
     found: dict[str, Input | GestureError] = {}
-    looked: dict[Path, list[Input]] = {}
+    looked: dict[Path, dict[str, Input]] = {}
     with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         for name, place in places.items():
             path, member = _path(name, os.fspath(place or "")), name.partition("::")[2]
             try:
                 if path not in looked:
-                    looked[path] = discover([path], assistant=assistant)
-                found[name] = next(
-                    item
-                    for item in looked[path]
-                    if _spelled(item.path, printable(item.member)) == _spelled(path, member)
-                )
-            except (GestureError, StopIteration):
+                    every = discover([path], assistant=assistant)
+                    looked[path] = {_spelled(item.path, printable(item.member)): item for item in every}
+                item = looked[path].get(_spelled(path, member)) or looked[path][_spelled(path, "")]
+                readable = item.kind in ("video", "keypoints") and printable(item.member) == member
+                fault, code = item.fault or "is not what the run found there", item.code or "E_CHANGED"
+                found[name] = item if readable else replace(item, name=name, fault=fault, code=code).error()
+            except (GestureError, KeyError):
                 found[name] = InputError(
                     "is not where the run found it",
                     subject=name,

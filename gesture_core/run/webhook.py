@@ -9,6 +9,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from http.client import HTTPException
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -18,6 +19,13 @@ _ROOM = 100
 _SECONDS = 5.0
 _WAITS = (0.5, 2.0)
 """Seconds before a second and a third attempt."""
+
+
+class _Here(urllib.request.HTTPRedirectHandler):
+    """Follows nobody: the other address would be asked, not posted to, and the event counted as delivered."""
+
+    def redirect_request(self, *_: Any) -> None:
+        """No further request: the answer is an error, with its number."""
 
 
 class Webhook:
@@ -41,10 +49,14 @@ class Webhook:
     """
 
     def __init__(self, url: str, say: Callable[[str], None]) -> None:
-        parts = urlsplit(url)
+        try:
+            parts = urlsplit(url)
+        except ValueError:  # such as a bracket that is never closed
+            parts = urlsplit("")
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise ConfigError(f"--webhook {url!r}", remedy="http://… or https://…", code="E_OPTION")
         self._url, self._say = url, say
+        self._opener = urllib.request.build_opener(_Here)
         self._where = f"{parts.scheme}://{parts.hostname}"
         self.undelivered = 0
         self._queue: queue.Queue[bytes | None] = queue.Queue(_ROOM)
@@ -86,12 +98,12 @@ class Webhook:
             self._url, data, {"Content-Type": "application/json", "User-Agent": "gesture-core"}
         )
         try:
-            with urllib.request.urlopen(request, timeout=_SECONDS):
+            with self._opener.open(request, timeout=_SECONDS):
                 return ""
         except urllib.error.HTTPError as error:
             return f"answered {error.code}"
-        except (OSError, ValueError) as error:
-            return str(getattr(error, "reason", error))
+        except (OSError, ValueError, HTTPException) as error:  # the last is an answer that is no HTTP
+            return str(getattr(error, "reason", error)) or type(error).__name__
 
     def _failed(self, fault: str) -> None:
         self.undelivered += 1

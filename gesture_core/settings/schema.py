@@ -257,7 +257,8 @@ class LimitSettings(_Section):
     memory : int
         Most memory of one worker process, in MiB.
     cache : int
-        Size of the keypoint store in MiB, beyond which a run deletes what was used longest ago.
+        Size of the keypoint store in MiB, beyond which a run deletes what was used longest ago; and of the
+        previews that reports have made.
     """
 
     pixels: int = 64_000_000

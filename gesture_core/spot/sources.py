@@ -306,7 +306,7 @@ class PipedKeypoints:
                 pose = pose_of(text, self.clock() - began, known, self.name)
                 if not pose.times[0] >= before:
                     raise ValueError(f"its time {pose.times[0]:g} is before the last one")
-            except (ValueError, TypeError, RecursionError, GestureError) as error:
+            except (ValueError, TypeError, ArithmeticError, RecursionError, GestureError) as error:
                 say(f"line {number} is left out: {error.cause if isinstance(error, GestureError) else error}")
                 continue
             before, known = float(pose.times[0]), pose.skeleton

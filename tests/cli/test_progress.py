@@ -77,3 +77,17 @@ def test_a_terminal_is_told_first_what_is_worked_on(
         "examples: ex\\x1b[2J",
         "sources: only.mp4",
     ]
+
+
+def test_stages_add_up(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """`gesture find` plans its clip and then the archive, `gesture report` examples, inputs and previews."""
+    monkeypatch.setattr(progress, "_SECONDS_BETWEEN_LINES", -1.0)
+    listener = Events(["in"])
+    for names in (["clip.mp4"], ["a.mp4", "b.mp4", "clip.mp4"]):
+        listener.planned(len(names), len(names), 0, "")
+        for name in names:
+            listener.extracted(name, cached=True)
+    events = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    shown = [(one["files"], one["of"]) for one in events if one["event"] == "progress"]
+    assert shown == [(1, 1), (2, 4), (3, 4), (4, 4)]
+    assert all(one["seconds_left"] >= 0 for one in events if one["event"] == "progress")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,18 @@ class Moody:
     def apply(self):
         raise RuntimeError("not now")
 
+class Following:
+    """Follows, and does not say whether limbs are chosen for all frames."""
+    skeleton, batch_size, follow, crop = "coco18", 1, True, 1.2
+    def __init__(self, model):
+        pass
+    def estimate(self, frames, people="single"):
+        return [[] for _ in frames]
+
+@hookimpl
+def register_pose_backends(register):
+    register("following", "odd_plugin:Following", summary="a part of an ability")
+
 @hookimpl
 def register_filters(register):
     register("closed", "odd_plugin:Closed", summary="no signature")
@@ -51,3 +64,9 @@ def test_a_plugin_is_shown_or_named_in_an_error(site: Path, name: str) -> None:
         assert "Traceback" not in done.stderr and done.returncode in (0, 1, 3), done.stderr
         if done.returncode == 1:
             assert f"'{name}' of odd-plugin" in done.stderr, done.stderr
+
+
+def test_a_part_of_an_ability_is_found_by_the_check(site: Path) -> None:
+    done = gesture("plugins", "--check", path=site)
+    (line,) = (json.loads(line) for line in done.stdout.splitlines() if '"following"' in line)
+    assert line["status"] == "broken: it has follow and crop but no steady: CropFollowing takes them all"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 from gesture_core.errors import ConfigError, GestureError, PluginError
 from gesture_core.plugin import registry
+from gesture_core.pose.extract import open_backend
 from gesture_core.pose.models import CARD, auto_models, choose_pose, described, known_models
 from gesture_core.run.fingerprint import pose_identity
 from gesture_core.run.inputs import Input
@@ -133,3 +135,31 @@ def test_what_a_backend_raises_when_asked_for_its_devices_names_it(
     with pytest.raises(PluginError, match=r"pose backend 'onnx' of .* raised") as caught:
         choose_pose(settings(pose__model="compact"))
     assert caught.value.code == "E_PLUGIN_RAISED"
+
+
+def test_a_stronger_network_whose_backend_fails_is_not_passed_over_without_a_word(
+    models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(models, "blazepose", ".tflite")
+
+    def devices(cls: type) -> dict[str, list[str]]:
+        raise RuntimeError("no driver")
+
+    monkeypatch.setattr(registry().load("pose", "opencv-dnn"), "devices", classmethod(devices))
+    with pytest.warns(UserWarning, match=r"the network blazepose is not used: .*'opencv-dnn'.*no driver"):
+        chosen = choose_pose(settings())
+    assert chosen.pose.model == "compact"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert choose_pose(settings(pose__backend="onnx")).pose.model == "compact", "as it was asked for"
+
+
+@pytest.mark.parametrize("there", [("follow", "crop"), ("steady",), ("region",)])
+def test_a_backend_with_a_part_of_an_ability_is_an_error(
+    there: tuple[str, ...], models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kind = type("Partly", (), {"skeleton": "coco18", "batch_size": 1, **dict.fromkeys(there, 1)})
+    monkeypatch.setattr(type(registry()), "make", lambda *_, **__: kind())
+    with pytest.raises(PluginError, match=f"it has {' and '.join(there)} but no ") as caught:
+        open_backend(settings(pose__model="compact"))
+    assert caught.value.code == "E_PLUGIN_CONTRACT"

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+import pytest
 from tiny_networks import FIGURE, GREY, constant, dot_network, dot_picture, random_maps
 
+from gesture_core.errors import ConfigError
 from gesture_core.plugin import registry
 from gesture_core.plugin.interfaces import Person
 from gesture_core.pose.contract import ModelContract
@@ -211,6 +214,21 @@ def test_settings_choose_the_backend_and_its_options(tmp_path: Path) -> None:
         found = open_backend(load_settings(sets=[*sets, f"pose.backend={name}"], environment={}))
         assert isinstance(found, NetworkBackend)
         assert (found.name, found.score, found.height, found.batch_size) == (name, 0.3, 96, batch)
+    fixed = dot_network(tmp_path / "fixed.onnx", side=64)
+    for height, name in ((64, "onnx"), (96, "onnx"), (96, "opencv-dnn")):
+        asked = [f"pose.model={fixed}", f"pose.height={height}", f"pose.backend={name}"]
+        with nullcontext() if height == 64 else pytest.raises(ConfigError, match="64x64 alone"):
+            open_backend(load_settings(sets=asked, environment={}))
     plain = open_backend(load_settings(sets=[f"pose.model={path}"], environment={}))
     assert isinstance(plain, NetworkBackend)
     assert plain.height is None and plain.provenance["height"] == str(plain.contract.default_size)
+
+
+@pytest.mark.parametrize("option", ["pose.score=0.3", "pose.height=96"])
+def test_what_the_backend_does_not_take_is_not_dropped_without_a_word(
+    option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = dot_network(tmp_path / "free.onnx", side=None)
+    monkeypatch.setattr(type(registry()), "takes", lambda self, kind, name, key: key == "threads")
+    with pytest.raises(ConfigError, match=f"{option.partition('=')[0]} is nothing to the pose backend onnx"):
+        open_backend(load_settings(sets=[f"pose.model={path}", "pose.backend=onnx", option], environment={}))

@@ -5,10 +5,13 @@ from __future__ import annotations
 import csv
 import http.client
 import json
+import os
 import shutil
+import socket
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +21,22 @@ from browser import browser, complaints, requested, resize
 from test_run_page import classified
 
 from gesture_core.cli.main import run
+from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import InputError
 from gesture_core.report.review_server import ReviewServer
 from gesture_core.report.run_page import write_report
-from gesture_core.run.answers import NONE, Answers, write_answers
-from gesture_core.run.archive import classify_archive
+from gesture_core.run.answers import NONE, Answered, Answers, write_answers
+from gesture_core.run.archive import classify_archive, load_poses
 from gesture_core.run.corrections import add_corrections, choose
-from gesture_core.run.results import open_results
+from gesture_core.run.manifests import read_manifest
+from gesture_core.run.results import FITTED, open_results
+from gesture_core.run.store import write_keypoints
 
 __all__ = ["classified"]
+FACTS: dict[str, Any] = {
+    "frames_declared": None, "frames_read": 2, "frames_looked_at": 2, "complete": True, "notes": [],
+    "seconds": 1.0, "assumed": "",
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -92,6 +102,14 @@ def test_answers_are_a_table_of_paths_and_labels(copy: Path, tmp_path: Path) -> 
     assert [row["recognised_as"] for row in found] == [rows[1].label or "", rows[2].label or ""]
 
 
+def test_a_name_that_is_no_text_is_written_byte_by_byte_and_read_again(copy: Path, tmp_path: Path) -> None:
+    with Answers(copy) as answers:
+        row = answers.rows[1][1]
+    name = tmp_path / os.fsdecode(b"b\xff'\"%,x.mp4")
+    table = write_answers([Answered(os.fsencode(name) + b"\0", row, "wave")], tmp_path / "corrected.csv")
+    assert read_manifest(table) == [(name, "wave")]
+
+
 def test_only_who_knows_the_address_is_answered(server: ReviewServer) -> None:
     secret = f"/{server.token}/"
     status, body, headers = ask(server, "GET", secret)
@@ -103,6 +121,17 @@ def test_only_who_knows_the_address_is_answered(server: ReviewServer) -> None:
     for host in ("evil.example", f"evil.example:{server.server_port}", "127.0.0.1", ""):
         assert ask(server, "GET", secret, Host=host)[0] == 403, host
     assert ask(server, "GET", secret, Host=f"localhost:{server.server_port}")[0] == 200
+
+
+def test_an_address_that_is_none_is_refused_like_any_other(
+    server: ReviewServer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for path in ("http://[x/", f"//[{server.token}/", "*", f"/{server.token}/../index.html", "/\u00e9/"):
+        with socket.create_connection(("127.0.0.1", server.server_port), timeout=10) as opened:
+            asked = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{server.server_port}\r\n\r\n"
+            opened.sendall(asked.encode("latin-1"))
+            assert opened.recv(100).startswith(b"HTTP/1.1 404 "), path
+    assert capfd.readouterr().err == ""
 
 
 def test_an_answer_comes_from_the_page_itself_and_is_one(server: ReviewServer) -> None:
@@ -213,7 +242,45 @@ def test_a_correction_becomes_an_example_and_the_next_run_knows_it(
         add_corrections(classified[0], tmp_path / "other")
 
 
+def test_answers_that_can_be_no_example_are_counted_by_their_reasons(
+    classified: tuple[Path, Path], copy: Path, tmp_path: Path
+) -> None:
+    with open_results(copy) as results:
+        place = next(place for place, row in enumerate(results.rows()) if row.label == "wave")
+    for label in ("up/left", "..", "a\\b"):
+        with Answers(copy) as answers:
+            answers.give(place, label)
+        found = add_corrections(copy, tmp_path / "examples")
+        assert (found.added, *found.left_out.values()) == ((), 1) and "--export" in next(iter(found.left_out))
+    (copy / FITTED).unlink()  # as in a run of gesture spot
+    with Answers(copy) as answers:
+        answers.give(place, None)
+    assert add_corrections(copy, tmp_path / "examples").left_out == {"none of the gestures": 1}
+    assert not (tmp_path / "examples").exists()
+
+
 def known(classified: tuple[Path, Path]) -> list[dict[str, str]]:
     """The examples of the run."""
     with open_results(classified[0]) as results:
         return list(json.loads(results.get("configuration") or "{}")["examples"].values())
+
+
+def test_corrections_are_about_the_first_of_several_people(drawn: DemoArchive, tmp_path: Path) -> None:
+    names = [drawn.video_keypoints / name for name in ("clip_01", "clip_02")]
+    whole = [load_poses(name)[0] for name in names]
+    brief = [
+        replace(one, keypoints=one.keypoints[:2], scores=one.scores[:2], times=one.times[:2]) for one in whole
+    ]
+    (tmp_path / "in").mkdir()
+    write_keypoints(tmp_path / "in" / "first.parquet", [whole[0], replace(brief[1], person=1)], FACTS)
+    write_keypoints(tmp_path / "in" / "second.parquet", [brief[0], replace(whole[1], person=1)], FACTS)
+    done = classify_archive(tmp_path / "in", drawn.example_keypoints, tmp_path / "run", pose__people="multi")
+    assert [row.distance is None for row in done.rows()] == [False, True, True, False]
+    label = done.rows()[0].label
+    with Answers(tmp_path / "run") as answers:
+        answers.give(0, label)
+    assert add_corrections(tmp_path / "run", tmp_path / "examples").redundant == 1
+    with Answers(tmp_path / "run") as answers:
+        answers.give(0, "clap" if label != "clap" else "wave")
+    (added,) = add_corrections(tmp_path / "run", tmp_path / "examples").added
+    assert added.name == "first.parquet"

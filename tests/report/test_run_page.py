@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 from pathlib import Path
@@ -137,6 +138,30 @@ def test_a_preview_shows_the_person_with_the_times_of_the_input(drawn: DemoArchi
     again.want(item, "content", "", None, 0.5, 1.25)
     assert again.make(1) == {} and [one.name for one in (tmp_path / "clips").iterdir()] == [part.name]
     assert (tmp_path / "clips" / part.name).stat().st_ino == written, "it came out of the cache"
+
+
+def test_previews_in_the_cache_stay_below_its_limit(
+    drawn: DemoArchive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("av")
+    from gesture_core.report.row_previews import RowPreviews
+    from gesture_core.run.inputs import discover
+    from gesture_core.settings import load_settings
+
+    monkeypatch.setenv("GESTURE_CACHE", str(tmp_path / "cache"))
+    old = tmp_path / "cache" / "previews" / "00" / "00old.mp4"
+    old.parent.mkdir(parents=True)
+    old.write_bytes(b"of a report of last year")
+    os.utime(old, (1e9, 1e9))
+    (item,) = discover([drawn.videos / "clip_01.mp4"])
+    for page in ("first", "second"):
+        previews = RowPreviews(load_settings(None, ["limits.cache=0"]), tmp_path / page)
+        name = previews.want(item, "content", "", None, 0.5, 1.0).name
+        kept = tmp_path / "cache" / "previews" / name[:2] / name
+        if page == "second":
+            os.utime(kept, (1e9, 1e9))
+        assert previews.make(1) == {} and not old.exists()
+        assert kept.is_file(), "what is used now stays, made now or long ago"
 
 
 def test_an_input_that_moved_or_changed_has_its_row_without_a_clip(

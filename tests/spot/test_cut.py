@@ -115,6 +115,11 @@ def test_what_is_gone_or_changed_costs_itself(
         }
         assert gesture(["cut", str(spotted), "--out", str(tmp_path / "clips"), "--workers", "1"]) == 3
         assert '"status": "error E_CHANGED"' in capsys.readouterr().out
+        for damaged in (b"", b"no keypoints", kept[:200]):
+            one.write_bytes(damaged)
+            clips = cut_events(spotted, tmp_path / "clips")
+            assert {c.status for c in clips if Path(c.input).name == "one.npz"} == {"error"}, damaged
+            assert all(c.code and c.message for c in clips if c.status == "error")
     finally:
         one.write_bytes(kept)
 
@@ -217,3 +222,16 @@ def test_the_sound_comes_along(tmp_path: Path) -> None:
     (quiet,) = cut_events(run, tmp_path / "quiet")
     with av.open(str(quiet.file)) as opened:
         assert not opened.streams.audio
+
+
+def test_a_long_name_in_any_script_leaves_room_for_the_times(drawn: DemoArchive, tmp_path: Path) -> None:
+    (pose,) = load_poses(sorted(drawn.video_keypoints.iterdir())[0], workers=1)
+    place = tmp_path / f"{'手' * 80}.npz"
+    save(place, pose)
+    rows = [event(1, float(pose.times[0]), float(pose.times[-1]), place, label="振" * 90)]
+    folder = tmp_path / "run"
+    with Results(a_run(folder, [], place), create=True) as results:
+        results.commit(Input(place, str(place), "keypoints"), rows)
+    (clip,) = cut_events(folder, tmp_path / "clips")
+    assert (clip.status, clip.message) == ("written", "")
+    assert clip.file.stem.startswith("手手手") and "stands for" in clip.note

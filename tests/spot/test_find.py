@@ -93,11 +93,17 @@ def test_a_run_folder_can_be_searched(drawn: DemoArchive, tmp_path: Path) -> Non
     from gesture_core import spot_archive
 
     out = tmp_path / "run"
-    spot_archive(drawn.video_keypoints, drawn.example_keypoints, out, engine="inline", spot__tempos=())
+    more = tmp_path / "more"
+    more.mkdir()
+    (more / "other.dat").write_bytes(b"nothing")
+    np.savez(more / "nobody.npz", keypoints=np.full((20, 18, 3), np.nan), times=np.arange(20) / 20)
+    sources = [drawn.video_keypoints, more]
+    spot_archive(sources, drawn.example_keypoints, out, engine="inline", spot__tempos=())
     first = sorted(drawn.video_keypoints.iterdir())[0]
     found = find(first, out, top=3, workers=1)
     assert Path(found.hits[0].input).name == first.name and found.hits[0].distance < 1e-6
-    assert found.inputs == 12
+    assert found.inputs == 12 and not found.failed
+    assert {Path(name).name: note for name, note in found.notes.items()} == {"nobody.npz": "nobody was found"}
 
 
 def test_what_cannot_be_looked_for_is_refused(drawn: DemoArchive, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import socketserver
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -174,6 +175,7 @@ def test_keypoints_through_a_pipe_have_the_same_events(drawn: DemoArchive, strin
     lines = [json.dumps(openpose(string, number)) for number in range(len(string))]
     lines.insert(3, "{nonsense")
     lines.insert(5, '{"time": 0, "keypoints": null}')
+    lines.insert(7, f'{{"time": 1{"0" * 400}, "keypoints": null}}')
     source = piped(io.BytesIO("\n".join(lines).encode()))
     with Capture(source) as capture:
         looking = Watch(capture, spotter, None, gap=1.0)
@@ -181,7 +183,8 @@ def test_keypoints_through_a_pipe_have_the_same_events(drawn: DemoArchive, strin
     events = [one.event for one in found if isinstance(one, Seen)]
     assert [(e.label, e.start, e.end) for e in events] == [(e.label, e.start, e.end) for e in expected]
     said = [one.text for one in found if isinstance(one, Note)]
-    assert len(said) == 2 and "line 4 is left out" in said[0] and "before the last one" in said[1]
+    assert len(said) == 3 and "line 4 is left out" in said[0] and "before the last one" in said[1]
+    assert "line 8 is left out" in said[2]
 
 
 def test_pictures_through_a_pipe_are_told_apart(tmp_path: Path) -> None:
@@ -309,8 +312,63 @@ def test_the_webhook_gets_every_event_and_a_deaf_one_is_said() -> None:
     with Webhook("http://127.0.0.1:9/", said.append) as hook:
         hook.send({"label": "wave"})
     assert hook.undelivered == 1 and "not delivered to http://127.0.0.1" in said[0]
-    with pytest.raises(ConfigError, match="--webhook"):
-        Webhook("file:///etc/passwd", said.append)
+    for address in ("file:///etc/passwd", "http://[::1"):
+        with pytest.raises(ConfigError, match="--webhook"):
+            Webhook(address, said.append)
+
+
+def test_an_answer_that_is_no_http_costs_its_own_event_alone() -> None:
+    answers = [b"what?\r\n\r\n"] * 3 + [b"HTTP/1.1 204 No Content\r\n\r\n"]
+
+    class Odd(socketserver.StreamRequestHandler):
+        def handle(self) -> None:
+            length = 0
+            while (line := self.rfile.readline()).strip():
+                name, _, value = line.partition(b":")
+                length = int(value) if name.lower() == b"content-length" else length
+            self.rfile.read(length)
+            self.wfile.write(answers.pop(0))
+
+    with socketserver.TCPServer(("127.0.0.1", 0), Odd) as server:
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        said: list[str] = []
+        with Webhook(f"http://127.0.0.1:{server.server_address[1]}/", said.append) as hook:
+            hook.send({"label": "wave"})
+            hook.send({"label": "clap"})
+            end = time.monotonic() + 20
+            while answers and time.monotonic() < end:
+                time.sleep(0.05)
+        server.shutdown()
+    assert hook.undelivered == 1 and len(said) == 1 and "not delivered" in said[0]
+
+
+def test_an_event_that_is_led_elsewhere_is_not_delivered() -> None:
+    """Whoever follows asks there, and posts nothing: the answer of a page to log in is no delivery."""
+    asked: list[str] = []
+
+    class Elsewhere(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            self.rfile.read(int(self.headers["Content-Length"]))
+            asked.append(self.path)
+            self.send_response(302)
+            self.send_header("Location", "/login")
+            self.end_headers()
+
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        said: list[str] = []
+        with Webhook(f"http://127.0.0.1:{server.server_port}/gestures", said.append) as hook:
+            hook.send({"label": "wave"})
+        server.shutdown()
+    assert hook.undelivered == 1 and "answered 302" in said[0] and set(asked) == {"/gestures"}
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,9 @@ gesture.list = (() => {
   const below = make("tr", { "aria-hidden": "true", class: "space" }, make("td"));
   const drawn = new Map();
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
-  const longest = Math.max(1e-9, ...rows.map((row) => row.distance ?? 0));
-  const surest = data.margin_is === "score" || data.kind === "events" ? 1 : Math.max(1e-9, ...rows.map((row) => row.margin ?? 0));
+  const most = (name) => rows.reduce((so_far, row) => Math.max(so_far, row[name] ?? 0), 1e-9);
+  const longest = most("distance");
+  const surest = data.margin_is === "score" || data.kind === "events" ? 1 : most("margin");
   let first = 0, last = -1, height = 0, moving = 0;
 
   function bar(value, most, kind) {
