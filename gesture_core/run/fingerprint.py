@@ -27,8 +27,8 @@ def pose_identity(settings: Settings, items: Collection[Input]) -> dict[str, Any
     Returns
     -------
     dict
-        ``readers``, by the names of those that take part, and ``video`` where there is one: otherwise it does
-        not count which network is there, if any. See `pose_keys`.
+        ``readers`` by name, all of them, so that no row depends on what else is in its run; and ``video``
+        where there is one: otherwise it does not count which network is there, if any. See `pose_keys`.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def pose_identity(settings: Settings, items: Collection[Input]) -> dict[str, Any
                 "options": settings.plugin_options(name),
                 **shared,
             }
-            for name in sorted({item.reader for item in items if item.kind == "keypoints"})
+            for name in plugins.names("reader", usable=True)
         }
     }
     videos = any(item.kind == "video" for item in items)
