@@ -310,7 +310,8 @@ class _Run:
             )
         self.results.set({"library": library})
         self.listener.stage("fitting")
-        self.assistant.ask("fit", self._place, keep=True)
+        if note := self.assistant.ask("fit", self._place, keep=True):
+            warnings.warn(note, stacklevel=2)
 
     def _example(self, item: Input, found: Extracted | None) -> Row | None:
         """Take an example; or the row that says why it cannot be used."""

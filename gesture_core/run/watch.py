@@ -222,10 +222,13 @@ def fit_spotter(
         raise InputError(
             f"no example can be used; the first one: {failed[0]}", remedy="better clips", code="E_EXAMPLES"
         )
-    return Spotter(
+    spotter = Spotter(
         [people[item.key] for item in usable],
         [str(item.label) for item in usable],
         settings,
         names=[item.name for item in usable],
         live=True,
     )
+    if spotter.examples.note:
+        warnings.warn(spotter.examples.note, stacklevel=2)
+    return spotter

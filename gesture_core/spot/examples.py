@@ -121,6 +121,16 @@ class SpottingExamples:
     def __len__(self) -> int:
         return len(self.names)
 
+    @property
+    def note(self) -> str:
+        """What is worth knowing of the thresholds; mostly empty."""
+        if self.calibrated or self.settings.spot.threshold is not None:
+            return ""
+        return (
+            f"no gesture has two examples that differ: how far an event may be, {_FALLBACK:g}, is a guess; "
+            "try: more examples of each, or --set spot.threshold=…"
+        )
+
     def code_of_series(self) -> np.ndarray:
         """(N,) class of each of the series."""
         return np.asarray(self.codes[self.example])

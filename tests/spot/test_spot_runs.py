@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -128,3 +129,16 @@ def test_the_path_of_an_event_is_that_of_its_distance() -> None:
     assert paid.sum() / len(example) / size == pytest.approx(distances[end])
     assert path[0][0] <= 1 and tuple(path[-1]) == (len(part) - 1, len(example) - 1)
     assert set(path[:, 1].tolist()) == set(range(len(example)))
+
+
+def test_thresholds_that_no_example_gives_are_said_to_be_a_guess(
+    drawn: DemoArchive, recordings: Path, tmp_path: Path
+) -> None:
+    source, library = recordings / "six.npz", drawn.example_keypoints  # one example of each
+    with pytest.warns(UserWarning, match=r"no gesture has two examples.*--set spot\.threshold"):
+        spot_archive(source, library, tmp_path / "guessed", engine="inline", spot__tempos=())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        spot_archive(
+            source, library, tmp_path / "told", engine="inline", spot__tempos=(), spot__threshold=1.0
+        )

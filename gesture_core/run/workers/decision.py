@@ -101,7 +101,7 @@ class Decider:
         if self._spot:
             self._poses.append(people[0])
 
-    def fit(self, run: Path, fingerprint: str, alive: Callable[[], None]) -> None:
+    def fit(self, run: Path, fingerprint: str, alive: Callable[[], None]) -> str:
         """All examples are there; a PluginError where the kernel fails at comparing them.
 
         What is fitted stays in the run folder with the distances, so that each pair is compared once.
@@ -114,6 +114,11 @@ class Decider:
             Of the run.
         alive : callable
             Called while examples are compared with each other.
+
+        Returns
+        -------
+        str
+            What is worth knowing of what was fitted; mostly empty.
         """
         known = KnownDistances.read(run / DISTANCES, self._compared_by())
         with calling(self._entry, kept="the keypoints", remedy="another --kernel, or report it"):
@@ -123,7 +128,7 @@ class Decider:
                 self._spotter = Spotter(
                     self._poses, self._labels, self._settings, names=self._names, alive=alive
                 )
-                return
+                return self._spotter.examples.note
             self._recognizer = Recognizer.fit(
                 self._settings, self._signals, self._labels, self._names, alive=alive, known=known
             )
@@ -131,6 +136,7 @@ class Decider:
         with _writing(run):
             self._recognizer.save(run / FITTED, {"fingerprint": fingerprint, "examples": self._names})
         self.keep(run)
+        return ""
 
     def open(self, run: Path, fingerprint: str, names: Sequence[str]) -> bool:
         """Take the fitted examples that `fit` has left in the run folder; False where it has not.

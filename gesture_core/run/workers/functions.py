@@ -130,10 +130,13 @@ def add_example(worker: Worker, name: str, label: str, stored: str) -> None:
     worker.decider.add(name, label, _people(worker, stored, name))
 
 
-def fit(worker: Worker, run: str, fingerprint: str) -> None:
-    """Compare the examples, where the decision needs it, and leave what is fitted in the run folder."""
+def fit(worker: Worker, run: str, fingerprint: str) -> str:
+    """Compare the examples, where the decision needs it, and leave what is fitted in the run folder.
+
+    What is worth knowing of it, mostly empty.
+    """
     worker.report({"slow": True})
-    worker.decider.fit(decoded(run), fingerprint, worker.alive)
+    return worker.decider.fit(decoded(run), fingerprint, worker.alive)
 
 
 def open_fitted(worker: Worker, run: str, fingerprint: str, names: Sequence[str]) -> bool:
