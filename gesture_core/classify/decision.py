@@ -308,8 +308,9 @@ def temperature_of(within: np.ndarray, codes: np.ndarray, classes: int, chosen: 
     told = np.flatnonzero(np.bincount(codes, minlength=classes)[codes] > 1)
     if len(told) == 0:
         raise InputError(
-            "probabilities cannot be calibrated: no class has two examples",
-            remedy="two examples of a class at least, or classify.margin; decision_function",
+            "probabilities cannot be calibrated: no class has two examples that queries are compared with",
+            remedy="two examples of a class at least, classify.representative=false, a larger "
+            "classify.landmarks, or classify.margin; decision_function",
             code="E_EXAMPLES",
         )
     scores: np.ndarray = np.full((count, classes), -np.inf)

@@ -74,6 +74,11 @@ def _use(run: Path, export: Path | None, to_examples: Path | None, most: int | N
             answered = answers.answered()
         print(printable(write_answers(answered, export)))
         say(counted(len(answered), "answer"))
+        if parts := sum(not one.whole for one in answered):
+            say(
+                f"{parts} about an event, a further person or one of several sequences: without a path, "
+                "so that no label stands for all of the input; gesture cut makes clips of events"
+            )
     if to_examples is not None:
         check_folder(to_examples, flag="--to-examples")
         found = add_corrections(run, to_examples, most=most)

@@ -53,6 +53,11 @@ class Answered:
         """The sequence in a file of several; empty where it is all of the file."""
         return self.key.partition(b"\0")[2].decode("utf-8", "surrogatepass")
 
+    @property
+    def whole(self) -> bool:
+        """The answer is about all of the input and its first person, as the label of an example is."""
+        return not (self.row.event or self.row.person or self.member)
+
 
 class Answers:
     """The answers about a run, open for reading and writing by any thread. Use as a context manager.
@@ -139,6 +144,8 @@ def _mark(row: Row) -> str:
 def write_answers(answered: Sequence[Answered], path: Path) -> Path:
     """Write answers as a table that `gesture classify` takes as a source of examples, and as ``--labels``.
 
+    Answers about a part of an input have no ``path``: nobody takes their labels for that of the whole.
+
     Raises
     ------
     InputError
@@ -151,12 +158,13 @@ def write_answers(answered: Sequence[Answered], path: Path) -> Path:
         temporary.open("w", encoding="utf-8", errors="surrogateescape", newline="") as file,
     ):
         table = csv.writer(file)
-        table.writerow(("path", "label", "person", "start", "end", "recognised_as", "status"))
+        table.writerow(("path", "label", "input", "person", "start", "end", "recognised_as", "status"))
         for one in answered:
             name = os.fspath(one.place) + (f"::{one.member}" if one.member else "")
             row, times = one.row, ("", "")
             if row.event:
                 times = (f"{row.start:.3f}", f"{row.end:.3f}")
             label = NONE if one.label is None else one.label
-            table.writerow((name, label, row.person, *times, row.label or "", row.status))
+            path_of_all = name if one.whole else ""
+            table.writerow((path_of_all, label, name, row.person, *times, row.label or "", row.status))
     return path

@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 import socket
+import sqlite3
 import threading
 import time
 from collections.abc import Iterator
@@ -28,7 +29,7 @@ from gesture_core.report.run_page import write_report
 from gesture_core.run.answers import NONE, Answered, Answers, write_answers
 from gesture_core.run.archive import classify_archive, load_poses
 from gesture_core.run.corrections import add_corrections, choose
-from gesture_core.run.manifests import read_manifest
+from gesture_core.run.manifests import read_labels, read_manifest
 from gesture_core.run.results import FITTED, open_results
 from gesture_core.run.store import write_keypoints
 
@@ -100,6 +101,27 @@ def test_answers_are_a_table_of_paths_and_labels(copy: Path, tmp_path: Path) -> 
         found = list(csv.DictReader(file))
     assert [(row["path"], row["label"]) for row in found] == [(rows[1].input, "wave"), (rows[2].input, NONE)]
     assert [row["recognised_as"] for row in found] == [rows[1].label or "", rows[2].label or ""]
+
+
+def test_the_label_of_a_part_is_not_that_of_all_of_the_input(
+    copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    database = sqlite3.connect(copy / "run.db")
+    with database:
+        database.execute("UPDATE rows SET event = 1, start = 1.5, end = 2.5 WHERE input LIKE '%clip_03'")
+        database.execute("UPDATE rows SET person = 1 WHERE input LIKE '%clip_04'")
+    database.close()
+    with Answers(copy) as answers:
+        names = [Path(row.input).name for _, row in answers.rows]
+        for name in ("clip_02", "clip_03", "clip_04"):
+            answers.give(names.index(name), "wave")
+        place = answers.rows[names.index("clip_02")][1].input
+    assert run(["review", str(copy), "--export", str(tmp_path / "corrected.csv")]) == 0
+    assert read_manifest(tmp_path / "corrected.csv") == [(Path(place), "wave")]
+    assert read_labels(tmp_path / "corrected.csv") == ([(place, "wave")], True)
+    assert "2 about an event" in capsys.readouterr().err
+    with (tmp_path / "corrected.csv").open(newline="", encoding="utf-8") as file:
+        assert [Path(row["input"]).name for row in csv.DictReader(file)] == ["clip_02", "clip_03", "clip_04"]
 
 
 def test_a_name_that_is_no_text_is_written_byte_by_byte_and_read_again(copy: Path, tmp_path: Path) -> None:
