@@ -19,6 +19,8 @@ CHUNK = 40
 """Rows whose alignments are in one file, which the page loads when one of them is looked at."""
 _PAGE = Path(__file__).parent / "page"
 """What every page consists of besides its data."""
+_BEGINNING = "window.gestureData="
+"""How the data of a page begin."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def check_page_folder(folder: Path) -> None:
     """Raise where no page can be written into ``folder``: a file, or a folder of something else."""
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"--out {folder} is a file", remedy="a folder", code="E_OUT")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / DATA).is_file():
+    if folder.is_dir() and any(folder.iterdir()) and not _is_report(folder):
         raise InputError(
             "holds something else than a report", subject=str(folder), remedy="a new folder", code="E_EXISTS"
         )
@@ -115,6 +117,14 @@ def check_page_folder(folder: Path) -> None:
     except OSError as error:
         cause = f"--out {folder} cannot be made: {error.strerror or error}"
         raise ConfigError(cause, remedy="another place, or its permissions", code="E_OUT") from None
+
+
+def _is_report(folder: Path) -> bool:
+    """Whether a folder holds a page of ours: others have a file of that name, and clips, as well."""
+    if not (folder / DATA).is_file():
+        return False
+    with (folder / DATA).open("rb") as file:
+        return file.read(len(_BEGINNING)) == _BEGINNING.encode()
 
 
 def write_page(folder: Path, found: PageRows) -> None:
@@ -138,7 +148,7 @@ def write_page(folder: Path, found: PageRows) -> None:
             "columns": found.columns,
             "rows": found.rows,
         }
-        temporary.write_text(f"window.gestureData={_script(data)};\n", "utf-8")
+        temporary.write_text(f"{_BEGINNING}{_script(data)};\n", "utf-8")
 
 
 def _script(tree: Mapping[str, Any] | Sequence[Any]) -> str:

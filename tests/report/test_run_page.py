@@ -199,5 +199,11 @@ def test_the_command_says_where_it_is_and_refuses_what_is_no_report(
     assert run(["report", str(mine)]) == 2
     with pytest.raises(InputError, match="something else"):
         write_report(folder, mine)
+    (mine / "data.js").write_text("const sales = [];", "utf-8")
+    (mine / "clips").mkdir()
+    (mine / "clips" / "holiday.mp4").write_bytes(b"mine")
+    with pytest.raises(InputError, match="something else"):
+        write_report(folder, mine, previews=False)
+    assert (mine / "clips" / "holiday.mp4").is_file() and not (mine / "index.html").exists()
     with pytest.raises(ConfigError, match="no label"):
         write_report(folder, tmp_path / "page", labels="^(?P<label>nothing)", previews=False)
