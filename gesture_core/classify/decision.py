@@ -309,7 +309,7 @@ def temperature_of(within: np.ndarray, codes: np.ndarray, classes: int, chosen: 
     if len(told) == 0:
         raise InputError(
             "probabilities cannot be calibrated: no class has two examples that queries are compared with",
-            remedy="two examples of a class at least, classify.representative=false, a larger "
+            remedy="two examples of a class at least, no classify.representative, a larger "
             "classify.landmarks, or classify.margin; decision_function",
             code="E_EXAMPLES",
         )
