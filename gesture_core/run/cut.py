@@ -12,7 +12,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from gesture_core.errors import GestureError, InputError, MissingDependencyError, RunFolderError, WorkerError
+from gesture_core.errors import (
+    ConfigError,
+    GestureError,
+    InputError,
+    MissingDependencyError,
+    RunFolderError,
+    WorkerError,
+)
 from gesture_core.files import printable
 from gesture_core.records import Job, Row, Task
 from gesture_core.run.extract import Listener, people_of
@@ -108,6 +115,8 @@ def cut_events(
 
     Raises
     ------
+    ConfigError
+        Where the margin is negative or no number.
     RunFolderError
         ``E_NO_RUN`` where the folder holds no run.
     InputError
@@ -118,6 +127,8 @@ def cut_events(
     from gesture_core.video.writer import can_write_video
 
     listener = listener or Listener()
+    if not 0 <= margin < float("inf"):
+        raise ConfigError(f"a margin of {margin} s", remedy="0 or more seconds", code="E_OPTION")
     with open_results(run) as results:
         rows = list(results.rows())
         configuration = json.loads(results.get("configuration") or "{}")

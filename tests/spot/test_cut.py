@@ -16,7 +16,7 @@ from test_spot_runs import save
 from gesture_core import classify_archive, cut_events, load_poses, load_settings, spot_archive
 from gesture_core.cli.main import run as gesture
 from gesture_core.demo.archive import DemoArchive
-from gesture_core.errors import GestureError
+from gesture_core.errors import ConfigError, GestureError
 from gesture_core.files import content_sha256
 from gesture_core.run.inputs import Input
 from gesture_core.run.results import Results, open_results
@@ -93,6 +93,13 @@ def test_only_one_label_and_a_margin(spotted: Path, tmp_path: Path) -> None:
     assert all(clip.frames > narrow[clip.input, clip.event] for clip in clips)
     with pytest.raises(GestureError, match="has the label 'nothing'"):
         cut_events(spotted, tmp_path / "none", label="nothing")
+
+
+@pytest.mark.parametrize("margin", [-1.0, float("nan"), float("inf")])
+def test_a_margin_is_a_time(spotted: Path, tmp_path: Path, margin: float) -> None:
+    with pytest.raises(ConfigError, match="margin"):
+        cut_events(spotted, tmp_path / "clips", margin=margin)
+    assert not (tmp_path / "clips").exists()
 
 
 def test_what_is_gone_or_changed_costs_itself(
