@@ -45,8 +45,7 @@ def render(
         Replace a file that is there.
     """
     from gesture_core.pose.overlay import cropped, overlay, write_strip
-    from gesture_core.records import VideoLimits
-    from gesture_core.video import open_video
+    from gesture_core.video import open_configured
     from gesture_core.video.writer import can_write_video, write_video
 
     labels, settings = _labels(video, run) if run else ({}, None)
@@ -65,8 +64,7 @@ def render(
         )
     looked_at, found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
-    limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-    with open_video(video, settings.pose.reader, limits, settings.options, settings.video) as frames:
+    with open_configured(video, settings) as frames:
         tags = [f"{person.person} {labels.get(person.person, '')}".strip() for person in found]
         shown = tags if labels or len(found) > 1 else ()
         if target.suffix.lower() == ".mp4":

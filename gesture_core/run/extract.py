@@ -12,12 +12,10 @@ from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.abilities import Closeable
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.pose.models import choose_pose, described
-from gesture_core.records import Job, Outcome, Row, Task
+from gesture_core.records import Job, Outcome, Row, Task, encoded
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.run.inputs import Input
-from gesture_core.run.store import keypoint_store, prune, read_keypoints
-from gesture_core.run.workers.functions import encoded
-from gesture_core.run.workers.keypoints import Extracted
+from gesture_core.run.store import Extracted, keypoint_store, prune, read_keypoints
 from gesture_core.settings import Settings
 from gesture_core.types import PoseSequence
 

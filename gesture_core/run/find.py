@@ -6,22 +6,24 @@ import json
 import os
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gesture_core.cores import usable_cores
-from gesture_core.errors import Code, GestureError, InputError, WorkerError
+from gesture_core.errors import Code, ConfigError, GestureError, InputError, WorkerError
 from gesture_core.records import Job, Task
 from gesture_core.run.archive import Sources, as_strings, with_changes
 from gesture_core.run.extract import Listener, extract_all, people_of
 from gesture_core.run.inputs import Input, discover, find_inputs
 from gesture_core.run.results import DATABASE, open_results
-from gesture_core.run.store import keypoint_store
+from gesture_core.run.store import Extracted, keypoint_store
 from gesture_core.run.workers.engines import ProcessEngine
-from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.settings import Settings, settings_from_dict
-from gesture_core.spot.find import Hit
+from gesture_core.spot.find import Hit, Query
+
+if TYPE_CHECKING:
+    from gesture_core.run.workers.worker import Worker
 
 _BATCH = 64
 """Inputs that are searched while others wait."""
@@ -153,6 +155,41 @@ def _query(clip: str | os.PathLike[str], settings: Settings, listener: Listener)
     if not people:
         raise InputError("nobody is in it", subject=item.name, remedy="another clip", code="E_NO_PERSON")
     return extracted
+
+
+class Searcher:
+    """The search, as functions of the table."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+        self._query: Query | None = None
+
+    def open_query(self, stored: str, name: str, top: int) -> None:
+        """Take the first person of a stored clip as what is looked for."""
+        self._worker.slow()
+        self._query = Query(self._worker.people(stored, name)[0], self._worker.settings, top)
+
+    def find(self, name: str, stored: str) -> dict[str, Any]:
+        """The places in a stored input that are among the nearest of all that this worker has searched.
+
+        A dict of ``hits``, ``notes``, ``frames``, ``warped`` and the ``code`` and ``message`` of an error.
+        """
+        assert self._query is not None, "open_query comes first"
+        query, before = self._query, (self._query.frames, self._query.warped)
+        found: dict[str, Any] = {"hits": [], "notes": [], "code": "", "message": ""}
+        self._worker.slow()
+        for pose in self._worker.people(stored, name):
+            try:
+                hits, note = query.search(pose, self._worker.alive)
+            except ConfigError:
+                raise
+            except GestureError as error:
+                found |= {"code": error.code, "message": error.message}
+                continue
+            found["hits"] += [asdict(hit) for hit in hits]
+            found["notes"] += [note] if note else []
+        found["frames"], found["warped"] = query.frames - before[0], query.warped - before[1]
+        return found
 
 
 class _Search:

@@ -20,17 +20,15 @@ from gesture_core.classify.examples import sided_labels
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
 from gesture_core.files import switched_on
 from gesture_core.pose.models import described
-from gesture_core.records import Job, Row
+from gesture_core.records import Job, Row, encoded
 from gesture_core.run.extract import Listener, OpenEngine
 from gesture_core.run.inputs import Input
 from gesture_core.run.labels import label_folders, word
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
 from gesture_core.run.results import Results, open_results, run_folder
 from gesture_core.run.rows import contradicting_row, rows_of, unread_row
-from gesture_core.run.store import keypoint_store, prune
+from gesture_core.run.store import Extracted, keypoint_store, prune
 from gesture_core.run.workers.engines import Assistant
-from gesture_core.run.workers.functions import encoded
-from gesture_core.run.workers.keypoints import Extracted
 
 _BATCH = 64
 _TIMES = re.compile(r" \(\d+ times\)$")

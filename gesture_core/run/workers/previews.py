@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gesture_core.pose.overlay import draw_pose
+from gesture_core.records import decoded
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
 from gesture_core.video.writer import write_video
 
 if TYPE_CHECKING:
+    from gesture_core.run.workers.worker import Worker
     from gesture_core.settings import Settings
 
 SIDE = 240
@@ -50,6 +52,17 @@ class Cut:
     person: int | None
     start: float
     end: float
+
+
+def draw_previews(
+    worker: Worker, path: str, video: bool, stored: str, cuts: Sequence[tuple[str, int | None, float, float]]
+) -> None:
+    """Write previews of one input: of each cut its file, the person, start and end in seconds."""
+    worker.slow()
+    people = worker.people(stored, "") if stored else ()
+    frames = _shown(decoded(path), worker.settings) if video else None
+    wanted = [Cut(decoded(file), person, start, end) for file, person, start, end in cuts]
+    draw_cuts(wanted, people, frames, worker.alive)
 
 
 def draw_cuts(
@@ -188,11 +201,9 @@ def _cropped(frame: np.ndarray, left: float, top: float, side: float) -> np.ndar
     return picture
 
 
-def open_cuts(path: Path, settings: Settings) -> Iterator[tuple[float, np.ndarray]]:
+def _shown(path: Path, settings: Settings) -> Iterator[tuple[float, np.ndarray]]:
     """The frames of a video that previews show, as the extraction saw them."""
-    from gesture_core.records import VideoLimits
-    from gesture_core.video import at_rate, open_video, pictures
+    from gesture_core.video import at_rate, open_configured, pictures
 
-    limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-    with open_video(path, settings.pose.reader, limits, settings.options, settings.video) as video:
+    with open_configured(path, settings) as video:
         yield from at_rate(pictures(video), RATE)
