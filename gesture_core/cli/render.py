@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -85,7 +84,7 @@ def _labels(video: Path, run: Path) -> tuple[dict[int, str], Settings]:
     from gesture_core.settings import settings_from_dict
 
     with open_results(run) as results:
-        rows, configuration = list(results.rows()), json.loads(results.get("configuration") or "{}")
+        rows, configuration = list(results.rows()), results.configuration
     sha256 = content_sha256(video)
     labels = {
         row.person: f"{row.label or row.code} {'' if row.distance is None else format(row.distance, '.2f')}"

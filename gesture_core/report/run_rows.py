@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -76,7 +75,7 @@ def read_rows(
     """All rows of a run for a page; the parameters are those of `run_page.write_report`."""
     with open_results(run) as results, results.failures():
         keyed = list(results.keyed_rows())
-        configuration = json.loads(results.get("configuration") or "{}")
+        configuration = results.configuration
         fingerprint = results.get("fingerprint") or ""
     recognizer = open_fitted(run, fingerprint)
     settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])

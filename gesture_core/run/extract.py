@@ -127,10 +127,7 @@ class OpenEngine:
                     outcome.error.remedy = (
                         "repair the file, or --set pose.reader=… with the other video reader"
                     )
-                error = outcome.error
-                found = Extracted(complete=False).failed(
-                    error.blaming() if isinstance(error, WorkerError) else error
-                )
+                found = Extracted(complete=False).failed(outcome.error)
             self._listener.extracted(item.name, found.cached)
             yield item, replace(found, plugin=str(entry.origin), attempts=outcome.attempts)
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.cores import usable_cores
-from gesture_core.errors import Code, ConfigError, GestureError, InputError, WorkerError
+from gesture_core.errors import Code, ConfigError, GestureError, InputError
 from gesture_core.records import Job, Task
 from gesture_core.run.archive import Sources, as_strings, with_changes
 from gesture_core.run.extract import Listener, extract_all, people_of
@@ -107,7 +106,7 @@ def find(
         with open_results(sources[0]) as results:
             names = dict.fromkeys(row.input for row in results.rows() if row.code != Code.NOT_AN_INPUT)
             places = {name: results.place_of(name) for name in names}
-            configuration = json.loads(results.get("configuration") or "{}")
+            configuration = results.configuration
         if settings is None and not changes:
             ready = settings_from_dict(configuration["settings"])
         for name, known in find_inputs(places, ready).items():
@@ -211,9 +210,14 @@ class _Search:
     def add(self, found: Findings, some: Sequence[tuple[Input, Extracted]]) -> Findings:
         """``found`` and what is in further inputs."""
         hits, inputs, frames, warped = list(found.hits), found.inputs, found.frames, found.warped
-        for item, value in self._answers(some):
-            if isinstance(value, GestureError):
-                found.failed[item.name] = value.code, value.message
+        tasks = [
+            Task(number, "find", {"name": item.name, "stored": extracted.stored})
+            for number, (item, extracted) in enumerate(some)
+        ]
+        for outcome in self._engine.run(self._job, tasks, lambda task, frames: None):
+            (item, _), value = some[outcome.number], outcome.value
+            if outcome.error:
+                found.failed[item.name] = outcome.error.code, outcome.error.message
                 continue
             hits += [Hit(**hit) for hit in value["hits"]]
             inputs += value["frames"] > 0
@@ -223,16 +227,3 @@ class _Search:
             if value["code"]:
                 found.failed[item.name] = value["code"], value["message"]
         return replace(found, hits=sorted(hits)[: self._top], inputs=inputs, frames=frames, warped=warped)
-
-    def _answers(
-        self, some: Sequence[tuple[Input, Extracted]]
-    ) -> Iterator[tuple[Input, dict[str, Any] | GestureError]]:
-        tasks = [
-            Task(number, "find", {"name": item.name, "stored": extracted.stored})
-            for number, (item, extracted) in enumerate(some)
-        ]
-        for outcome in self._engine.run(self._job, tasks, lambda task, frames: None):
-            error = outcome.error
-            if isinstance(error, WorkerError):
-                error = error.blaming()
-            yield some[outcome.number][0], error or outcome.value

@@ -328,8 +328,7 @@ class _Run:
         except ConfigError:
             raise
         except GestureError as error:
-            failed = error.blaming() if isinstance(error, WorkerError) else error
-            return rows_of(item, found.failed(failed), None, mark)[0]
+            return rows_of(item, found.failed(error), None, mark)[0]
         return None
 
     def _decide(self, batch: Sequence[tuple[Input, Extracted]]) -> None:
@@ -368,8 +367,7 @@ class _Run:
             if not alone:
                 each = [self._decided([one], alone=True) for one in some]
                 return {key: value for one in each for key, value in one.items()}
-            failed = error.blaming() if isinstance(error, WorkerError) else error
-            prediction = {"status": "error", "code": failed.code, "message": failed.message}
+            prediction = {"status": "error", "code": error.code, "message": error.message}
             attempts = 2 if isinstance(error, WorkerError) else 1
             return {some[0][0].key: ([prediction] * len(some[0][1].people), attempts)}
         return {item.key: (answer, 1) for (item, _), answer in zip(some, answers, strict=True)}

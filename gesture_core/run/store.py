@@ -129,10 +129,9 @@ class Extracted:
         people = tuple(Seen._make([*facts, tuple(box)]) for *facts, box in tree["people"])
         return cls(**{**tree, "notes": tuple(tree["notes"]), "people": people})
 
-    def failed(self, error: GestureError, **changes: Any) -> Extracted:
+    def failed(self, error: GestureError) -> Extracted:
         """The same input without keypoints: ``error`` is why, without a subject, which the row names."""
-        message = error.message.removeprefix(f"{error.subject}: ") if error.subject else error.message
-        return replace(self, stored="", code=error.code, message=message, **changes)
+        return replace(self, stored="", code=error.code, message=error.reason)
 
     def holding(self, stored: Stored, name: str, *, cached: bool = False) -> Extracted:
         """The same input with its keypoints in the store, under ``name``."""

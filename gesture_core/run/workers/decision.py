@@ -38,7 +38,6 @@ class Decider:
 
     def __init__(self, worker: Worker) -> None:
         from gesture_core.dtw.distances import choose_kernel
-        from gesture_core.dtw.subsequence import choose_subsequence_kernel
         from gesture_core.signals.chain import Chain
 
         self._worker = worker
@@ -48,6 +47,8 @@ class Decider:
         Chain.from_settings(settings)
         kernel = settings.classify.kernel
         if self._spots:  # one kernel for both stages
+            from gesture_core.dtw.subsequence import choose_subsequence_kernel
+
             kernel, _ = choose_subsequence_kernel(kernel, settings.options)
         self._kernel, _ = choose_kernel(kernel, settings.dtw, settings.options)
         self._entry = registry().find("kernel", self._kernel)

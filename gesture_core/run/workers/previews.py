@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -57,45 +57,27 @@ class Cut:
 def draw_previews(
     worker: Worker, path: str, video: bool, stored: str, cuts: Sequence[tuple[str, int | None, float, float]]
 ) -> None:
-    """Write previews of one input: of each cut its file, the person, start and end in seconds."""
+    """Write previews of one input, in one pass over it.
+
+    Of each cut ``cuts`` have its file, the person, start and end in seconds. Keypoints alone are drawn on a
+    plain ground.
+    """
     worker.slow()
     people = worker.people(stored, "") if stored else ()
-    frames = _shown(decoded(path), worker.settings) if video else None
     wanted = [Cut(decoded(file), person, start, end) for file, person, start, end in cuts]
-    draw_cuts(wanted, people, frames, worker.alive)
-
-
-def draw_cuts(
-    cuts: Sequence[Cut],
-    people: Sequence[PoseSequence],
-    frames: Iterator[tuple[float, np.ndarray]] | None,
-    alive: Callable[[], None] = lambda: None,
-) -> None:
-    """Write all of ``cuts``, in one pass over the input.
-
-    Parameters
-    ----------
-    cuts : sequence of Cut
-    people : sequence of PoseSequence
-        Everybody in the input.
-    frames : iterator of (seconds, frame) or None
-        Of a video; None for keypoints alone, which are drawn on a plain ground.
-    alive : callable
-        Called as frames are drawn.
-    """
-    drawn = {cut.path: _Drawn(cut, people) for cut in cuts}
-    if frames is None:
-        for cut in cuts:
-            drawn[cut.path].on_plain_ground()
-            drawn.pop(cut.path).write()
-            alive()
+    drawn = {cut.path: _Drawn(cut, people) for cut in wanted}
+    if not video:
+        for one in drawn.values():
+            one.on_plain_ground()
+            one.write()
+            worker.alive()
         return
-    for time, frame in frames:
-        for path, one in list(drawn.items()):
+    for time, frame in _shown(decoded(path), worker.settings):
+        for file, one in list(drawn.items()):
             one.add(time, frame)
             if time > one.cut.end + _NEAR:
-                drawn.pop(path).write()
-        alive()
+                drawn.pop(file).write()
+        worker.alive()
         if not drawn:
             break
     for one in drawn.values():
