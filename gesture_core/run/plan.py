@@ -30,7 +30,7 @@ from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 
 if TYPE_CHECKING:
-    from gesture_core.run.keypoint_files import KeypointFiles
+    from gesture_core.run.export import KeypointFiles
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     done = {} if again else results.done(retry_errors=request.retry_errors)
     files = None
     if not examples:
-        from gesture_core.run.keypoint_files import KeypointFiles
+        from gesture_core.run.export import KeypointFiles
 
         files = KeypointFiles(request.out, results, found, request.sources)
     lacking = files.lacking() if files else set()
