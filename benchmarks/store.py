@@ -3,8 +3,8 @@
     python benchmarks/store.py --rows 1000000 --folder /tmp/store
 
 Every input is a file with nothing in it; its row is as long as that of a clip that was recognised. Goals: the
-plan of the finished run under 20 s and 1 GiB. Each step runs in a process of its own; the seconds are those of its
-CPU, as the machine may be busy, and the peak is that of its resident memory, which only Linux tells.
+plan of the finished run under 20 s and 1 GiB. Each step runs in a process of its own; the seconds are those
+of its CPU, as the machine may be busy, and the peak is that of its resident memory.
 """
 
 from __future__ import annotations
@@ -34,9 +34,10 @@ FOLDER_HOLDS = 1000
 def row_of(name: str, number: int, mark: str) -> Row:
     """A row as long as those of real runs."""
     label = LABELS[number % len(LABELS)]
-    neighbors = tuple((f"examples/{one}/anna_{number % 7}.mp4", one, 0.1 + 1e-7 * number) for one in LABELS[:3])
+    distance = 0.1 + 1e-7 * number
+    neighbors = tuple((f"examples/{one}/anna_{number % 7}.mp4", one, distance) for one in LABELS[:3])
     return Row(
-        name, f"{number:064x}", 0, label, 0.1 + 1e-7 * number, 0.25, neighbors, "ok", frames_read=90,
+        name, f"{number:064x}", 0, label, distance, 0.25, neighbors, "ok", frames_read=90,
         frames_looked_at=90, frames_with_pose=88, start=0.033, end=2.9667, box=(101.5, 80.25, 420.0, 470.5),
         seconds=2.9667, selected=("right_wrist_x", "right_wrist_y"), plugin="gesture-core 0.1.0",
         fingerprint=mark,
@@ -47,9 +48,7 @@ def make(folder: Path, rows: int) -> None:
     """Write the archive and a run of it: the first part by the program itself, then the rows."""
     from gesture_core.run.results import Results
 
-    names = [
-        f"videos/{number // FOLDER_HOLDS:04d}/{number % FOLDER_HOLDS:03d}.mp4" for number in range(rows)
-    ]
+    names = [f"videos/{number // FOLDER_HOLDS:04d}/{number % FOLDER_HOLDS:03d}.mp4" for number in range(rows)]
     for name in names:
         place = folder / name
         if not place.exists():

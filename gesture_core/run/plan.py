@@ -146,7 +146,10 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         raise InputError(
             "holds no input", subject=", ".join(request.sources), remedy="another path", code="E_EMPTY"
         )
-    inputs = [_stamped(item) for item in found if shard is None or shard.holds(item)]
+    for place, item in enumerate(found):  # in their place, as there may be a million
+        if shard is None or shard.holds(item):
+            found[place] = _stamped(item)
+    inputs = found if shard is None else [item for item in found if shard.holds(item)]
     examples = _examples(request, assistant)
     kernel = ""
     if examples:
@@ -164,16 +167,18 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     if not request.overwrite:
         check_same_shard(results, shard)
     again = changed or request.overwrite or switched_on("GESTURE_NO_CACHE")
-    done = {} if again else results.done(retry_errors=request.retry_errors)
     files = None
     if not examples:
         from gesture_core.run.export import KeypointFiles
 
         files = KeypointFiles(request.out, results, found, request.sources)
     lacking = files.lacking() if files else set()
-    waiting = [
-        item for item in inputs if item.key in lacking or not item.stamp or done.get(item.key) != item.stamp
-    ]
+    undone = {item.key: item.stamp for item in inputs}
+    for key, stamp_then in () if again else results.done(retry_errors=request.retry_errors):
+        if stamp_then and key not in lacking and undone.get(key) == stamp_then:
+            del undone[key]
+    waiting = [item for item in inputs if item.key in undone]
+    del undone
     if waiting and any(item.kind == "video" for item in (*waiting, *examples)):
         with OpenEngine(settings, identity, most=1, engine=request.engine) as engine:
             engine.require_model()
@@ -268,7 +273,7 @@ def _compared(
     changed = differences(with_parts_of(configuration, before), together)
     if not changed:
         return together, False
-    if not results.places():
+    if not results.counts():
         return configuration, True
     if not overwrite:
         lines = "\n  ".join(changed[:20]) + (f"\n  … and {len(changed) - 20} more" if changed[20:] else "")
@@ -285,12 +290,9 @@ def _compared(
 def _gone(results: Results, inputs: Sequence[Input]) -> list[bytes]:
     """Keys of rows whose input no longer exists, or is now read in another way."""
     keys = {item.key for item in inputs}
-    places = {item.place for item in inputs}
-    return [
-        key
-        for key, place in results.places()
-        if key not in keys and (place in places or not os.path.lexists(place))
-    ]
+    strange = [(key, place) for key, place in results.places() if key not in keys]
+    places = {item.place for item in inputs} if strange else set()
+    return [key for key, place in strange if place in places or not os.path.lexists(place)]
 
 
 def _contradictions(examples: Sequence[Input]) -> dict[bytes, Input]:

@@ -191,14 +191,14 @@ class Results:
                     (item.key, item.place, role, *(record[name] for name in COLUMNS)),
                 )
 
-    def done(self, *, retry_errors: bool = False) -> dict[bytes, str]:
-        """Keys of inputs that need no more work while they have these stamps."""
+    def done(self, *, retry_errors: bool = False) -> Iterator[tuple[bytes, str]]:
+        """Keys and stamps of inputs that need no more work while they have these stamps."""
         having = "HAVING SUM(status = 'error') = 0" if retry_errors else ""
         query = (
             "SELECT rows.key, stamp FROM rows JOIN content USING (key) "
             f"WHERE role = 'query' AND rows.sha256 = content.sha256 GROUP BY rows.key {having}"
         )
-        return {row["key"]: row["stamp"] for row in self._db.execute(query)}
+        return (tuple(row) for row in self._db.execute(query))
 
     def rows(self, role: str = "query") -> Iterator[Row]:
         """All rows, ordered by input, person and event."""
@@ -218,10 +218,10 @@ class Results:
         row = self._db.execute(query, (name,)).fetchone()
         return Path(os.fsdecode(row["place"])) if row else None
 
-    def places(self) -> list[tuple[bytes, bytes]]:
+    def places(self) -> Iterator[tuple[bytes, bytes]]:
         """Key and path of every input that has rows."""
         query = "SELECT DISTINCT key, place FROM rows WHERE role = 'query'"
-        return [(row["key"], row["place"]) for row in self._db.execute(query)]
+        return (tuple(row) for row in self._db.execute(query))
 
     def inputs(self) -> int:
         """Number of inputs that have rows."""
@@ -239,7 +239,11 @@ class Results:
                     self._db.executemany(
                         f"INSERT OR REPLACE INTO {table} ({', '.join(f'`{name}`' for name in names)}) "
                         f"VALUES ({', '.join('?' * len(names))})",
-                        (tuple((_ADDED | dict(record))[name] for name in names) for record in records),
+                        (
+                            tuple(known[name] for name in names)
+                            for record in records
+                            for known in [_ADDED | dict(record)]
+                        ),
                     )
             self._db.execute("DELETE FROM meta WHERE key = 'part'")
 

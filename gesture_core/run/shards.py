@@ -268,4 +268,5 @@ def _lacks(
 
 
 def _part(results: Results) -> dict[str, Any]:
-    return {"shard": "", "inputs": 0, "found": 0, "names": ""} | json.loads(results.get("part") or "{}")
+    known: dict[str, Any] = json.loads(results.get("part") or "{}")
+    return {"shard": "", "inputs": 0, "found": 0, "names": ""} | known
