@@ -125,7 +125,7 @@ def find(
         raise InputError("holds no recording", subject=", ".join(sources), code="E_EMPTY")
     query = _query(clip, ready, listener)
     found = Findings(failed=failed)
-    with _Search(query, ready, top, workers or usable_cores()) as search:
+    with _Workers(query, ready, top, workers or usable_cores()) as search:
         waiting: list[tuple[Input, Extracted]] = []
         for item, extracted in extract_all(readable, ready, workers=workers, listener=listener):
             if extracted.code:
@@ -191,7 +191,7 @@ class Searcher:
         return found
 
 
-class _Search:
+class _Workers:
     """Workers that know the query, as a context manager."""
 
     def __init__(self, query: Extracted, settings: Settings, top: int, workers: int) -> None:
@@ -201,7 +201,7 @@ class _Search:
         self._job = Job(settings.as_dict(), str(keypoint_store()))
         self._top = top
 
-    def __enter__(self) -> _Search:
+    def __enter__(self) -> _Workers:
         return self
 
     def __exit__(self, *_: object) -> None:
