@@ -9,6 +9,7 @@ import numpy as np
 
 from gesture_core.errors import InputError, KeypointError, SignalError
 from gesture_core.errors import Status as Status
+from gesture_core.recordings import Recording as Recording
 from gesture_core.records import COLUMNS as COLUMNS
 from gesture_core.records import Event as Event
 from gesture_core.records import Job as Job

@@ -120,7 +120,7 @@ class Decider:
         str
             What is worth knowing of what was fitted; mostly empty.
         """
-        known = KnownDistances.read(run / DISTANCES, self._compared_by())
+        known = KnownDistances.read(run / DISTANCES, self._compared_by(fingerprint))
         with calling(self._entry, kept="the keypoints", remedy="another --kernel, or report it"):
             if self._spot:
                 from gesture_core.spot.spotter import Spotter  # only where a recording is looked into
@@ -144,7 +144,7 @@ class Decider:
         They are all that the run has, by their ``names`` of now: of one that cannot be used, the run is to
         say why, and what was renamed is not to be found under its old name.
         """
-        known = KnownDistances.read(run / DISTANCES, self._compared_by())
+        known = KnownDistances.read(run / DISTANCES, self._compared_by(fingerprint))
         self._recognizer = open_fitted(run, fingerprint, known, names)
         self._known = known if self._recognizer else None
         return self._recognizer is not None
@@ -155,11 +155,12 @@ class Decider:
             with _writing(run):
                 self._known.write(run / DISTANCES)
 
-    def _compared_by(self) -> str:
-        """A hash of everything but the pair that decides a distance."""
+    def _compared_by(self, fingerprint: str) -> str:
+        """A hash of everything but the pair that decides a distance; with ``balance`` so do all examples."""
         tree = self._settings.as_dict()
-        decide = ("kernel", "mirror", "coverage", "separate", "relative", "rest")
+        decide = ("kernel", "mirror", "coverage", "separate", "relative", "rest", "balance", "weights")
         chosen = {name: tree["classify"][name] for name in decide}
+        chosen |= {"examples": fingerprint} if chosen["balance"] else {}
         options, still = self._settings.plugin_options(self.kernel), tree["signals"]["still"]
         return tree_sha256([__version__, self._entry.identity, tree["dtw"], chosen, options, still])
 

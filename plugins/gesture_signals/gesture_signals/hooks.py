@@ -25,6 +25,11 @@ def register_normalizers(register: Register) -> None:
 @hookimpl
 def register_filters(register: Register) -> None:
     register("center", "gesture_signals.filters:Center", summary="subtract each channel's mean")
+    register(
+        "channels",
+        "gesture_signals.channels:Channels",
+        summary="values, velocities and energies of the channels of sensors, scaled or not",
+    )
     register("gaussian", "gesture_signals.filters:Gaussian", summary="Gaussian smoothing over frames")
     register(
         "parts",

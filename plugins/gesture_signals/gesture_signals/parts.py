@@ -78,9 +78,7 @@ class Parts:
     def apply(self, signals: Signals) -> Signals:
         """The channels of every part, each scaled by the root of its weight."""
         columns, names, masks, present = [], [], [], []
-        steps = np.diff(signals.times)
-        step = float(np.median(steps)) if len(steps) else 0.0
-        step = step if step > 0 else _STEP
+        step = time_step(signals)
         for text, weight in self.weights.items():
             if weight == 0:
                 continue
@@ -91,7 +89,7 @@ class Parts:
                 else:
                     values, mask, there = _vector(signals, part, side)
                     if kind:
-                        values = _KINDS[kind](values, step, self.window)
+                        values = KINDS[kind](values, step, self.window)
                 suffixes = ("_x", "_y") if values.shape[1] == 2 else ("",)
                 if share:
                     values = values - share * values.mean(axis=0, dtype=np.float64)
@@ -117,12 +115,19 @@ class Parts:
         return replace(self, weights=weights)
 
 
+def time_step(signals: Signals) -> float:
+    """Seconds from frame to frame, as they mostly are."""
+    steps = np.diff(signals.times)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    return step if step > 0 else _STEP
+
+
 def _term(text: str) -> tuple[str, str, float]:
     match = _TERM.fullmatch(text)
     part, kind = (match["part"], match["kind"] or "") if match else ("", "")
-    if match is None or part not in (*_POINTS, *_LIMBS, *_PAIRS) or kind not in ("", *_KINDS, "bend"):
+    if match is None or part not in (*_POINTS, *_LIMBS, *_PAIRS) or kind not in ("", *KINDS, "bend"):
         known = ", ".join((*_POINTS, *_LIMBS, *_PAIRS))
-        kinds = ", ".join((*_KINDS, "bend"))
+        kinds = ", ".join((*KINDS, "bend"))
         raise ValueError(f"{text!r} is not part.kind@share with a part of {known} and a kind of {kinds}")
     if kind == "bend" and part not in _BENDS:
         raise ValueError(f"{text!r}: only {' and '.join(_BENDS)} bend")
@@ -200,7 +205,7 @@ def _turning(vector: np.ndarray, step: float, window: float) -> np.ndarray:
     return 3.0 * smooth(area[:, None], 0.75 * window / step)
 
 
-_KINDS: Mapping[str, Callable[[np.ndarray, float, float], np.ndarray]] = {
+KINDS: Mapping[str, Callable[[np.ndarray, float, float], np.ndarray]] = {
     "direction": _direction,
     "velocity": _velocity,
     "energy": _energy,
