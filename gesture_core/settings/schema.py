@@ -98,7 +98,7 @@ class SignalSettings(_Section):
         other series, which have no joints, so that ``repair`` and ``normalizer`` do nothing.
     repair : bool
         Take out joints that jump and come back, and exchange left and right where the frames before and
-        after say that they are confused.
+        after say that they are confused; of keypoints in two dimensions.
     max_gap : float
         Seconds of a missing joint that are interpolated; a joint with a longer gap inside keeps
         its nearest values only if it was seen in ``min_seen`` of the frames.

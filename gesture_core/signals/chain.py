@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from gesture_core.settings import Settings
 
 CHANNELS = tuple(f"{name}_{axis}" for name in COCO18.joints for axis in "xy")
+CHANNELS_3D = tuple(f"{name}_{axis}" for name in COCO18.joints for axis in "xyz")
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Chain:
         be compared with them (the paper's union of both selections), but a person who stands
         still is then given the label of some gesture.
     repair : bool
-        Mend single wrong frames first, see `gesture_core.signals.repair`.
+        Mend single wrong frames first, see `gesture_core.signals.repair`; in two dimensions.
     fps : float
         Samples per second of arrays without times.
     """
@@ -131,7 +132,8 @@ class Chain:
             if self.normalizer is None and isinstance(pose, Recording):
                 return _dense(pose, self.gaps)
             raise _other_kind(pose)
-        pose, frames = repaired(pose) if self.repair else (pose, 0)
+        plane = pose.keypoints.shape[2] == 2
+        pose, frames = repaired(pose) if self.repair and plane else (pose, 0)
         share = frames / max(len(pose), 1)
         pose = require_pose(pose.as_coco18(), self.gaps)
         joints, _ = fill_gaps(pose.keypoints, pose.times, self.gaps)
@@ -139,7 +141,7 @@ class Chain:
         dense = replace(pose, keypoints=joints, scores=pose.scores)
         with calling(self.normalizer):
             points = self.normalizer.normalize(dense)
-        if np.shape(points) != (len(pose), len(COCO18.joints), 2):
+        if np.shape(points) != dense.keypoints.shape:
             raise _broke(self.normalizer, f"returned coordinates of shape {np.shape(points)}")
         # Frames that the normalizer does not trust are gaps like any other.
         points = np.where(np.isfinite(points).all(axis=2, keepdims=True), points, np.nan)
@@ -155,8 +157,8 @@ class Chain:
         return Signals(
             points.reshape(len(pose), -1),
             pose.times,
-            CHANNELS,
-            present=np.repeat(present, 2),
+            CHANNELS if points.shape[2] == 2 else CHANNELS_3D,
+            present=np.repeat(present, points.shape[2]),
             source=pose.source,
             repaired=share,
         )

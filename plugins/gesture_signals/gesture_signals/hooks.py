@@ -20,6 +20,11 @@ def register_normalizers(register: Register) -> None:
         "gesture_signals.normalizers:UprightNormalizer",
         summary="torso, after turning the body upright: a camera's roll does not matter",
     )
+    register(
+        "view",
+        "gesture_signals.normalizers:ViewNormalizer",
+        summary="torso in its own three axes: a turn of the body does not matter",
+    )
 
 
 @hookimpl
