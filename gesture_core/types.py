@@ -83,8 +83,8 @@ class PoseSequence:
     Attributes
     ----------
     keypoints : (T, J, 2 or 3) float32
-        x to the right, y down, in pixels of the upright picture (or in the unit of the keypoint file); z, where
-        it is known, away from who looks. NaN in all coordinates where the joint is missing.
+        x to the right, y down, in pixels of the upright picture (or in the unit of the keypoint file); z,
+        where it is known, away from who looks. NaN in all coordinates where the joint is missing.
     scores : (T, J) float32
         Confidence in 0..1; zero where the joint is missing.
     times : (T,) float64

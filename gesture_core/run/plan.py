@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -267,7 +266,7 @@ def _compared(
     """The configuration, with what the folder's rows need as well, and whether these were made with another
     one: an error unless that is wanted.
     """
-    before = json.loads(results.get("configuration") or "{}")
+    before = results.configuration
     if not before:
         return configuration, False
     together = with_parts_of(before, configuration)

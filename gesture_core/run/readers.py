@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence, Set
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gesture_core.errors import GestureError, PluginError, WorkerError
 from gesture_core.plugin.registry import Registration, registry
+from gesture_core.records import encoded
 from gesture_core.run.workers.engines import Assistant
-from gesture_core.run.workers.functions import Answer, encoded
+
+if TYPE_CHECKING:
+    from gesture_core.run.workers.keypoints import Answer
 
 _TOGETHER = 1000
 """Paths that a reader is asked about at once."""

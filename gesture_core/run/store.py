@@ -1,5 +1,6 @@
-"""The keypoint store: one Parquet file for each (content, pose settings), verified when read, and kept
-below its limit.
+"""What came of the extraction of an input, and the keypoint store.
+
+The store is one Parquet file for each (content, pose settings), verified when read, and kept below its limit.
 
 A file has one row for each person and frame, the columns ``person``, ``time`` and, for every joint,
 ``<joint>_x``, ``<joint>_y`` and ``<joint>_score``; missing joints are null. Of a recording it has a row for
@@ -15,13 +16,13 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gesture_core.errors import KeypointError
+from gesture_core.errors import GestureError, KeypointError
 from gesture_core.files import TEMPORARY, cache_dir, open_regular, replacing
 from gesture_core.skeletons import COCO18, skeleton
 from gesture_core.types import PoseSequence, Recording
@@ -51,6 +52,100 @@ class Stored:
 
     sequences: list[Any]
     facts: Mapping[str, Any]
+
+
+class Seen(NamedTuple):
+    """A person in an input: number, frames with a pose, seconds of the first and last of them, and where."""
+
+    person: int
+    frames: int
+    start: float
+    end: float
+    box: tuple[float, ...]
+
+    @classmethod
+    def of(cls, sequence: PoseSequence | Recording) -> Seen:
+        """The facts of a sequence with a pose."""
+        times = sequence.times[sequence.seen.any(axis=1)]
+        frames, first, last = len(times), float(times[0]), float(times[-1])
+        return cls(int(sequence.person), frames, first, last, sequence.box)
+
+
+@dataclass(frozen=True)
+class Extracted:
+    """What came of the extraction of one input: keypoints in the store, or an error.
+
+    Attributes
+    ----------
+    sha256 : str
+        Of the content; empty where it could not be read.
+    stamp : str
+        Of the file as it was read, from `files.stamp`.
+    stored : str
+        File name in the keypoint store; empty after an error.
+    cached : bool
+        The keypoints were already there.
+    people : tuple of Seen
+    frames_declared : int or None
+        What the container claims.
+    frames_read : int
+        All of them, decoded.
+    frames_looked_at : int
+        Those of them in which people were looked for.
+    complete : bool
+        No frame is known to be lost.
+    notes : tuple of str
+        What was wrong with the input, or is worth knowing of it.
+    assumed : str
+        What the input does not say and its reader assumed, where anything was.
+    seconds : float
+        Length of what was read.
+    plugin : str
+        Distribution and version of the backend or reader.
+    code, message : str
+        Of the error; empty after success.
+    attempts : int
+    """
+
+    sha256: str = ""
+    stamp: str = ""
+    stored: str = ""
+    cached: bool = False
+    people: tuple[Seen, ...] = ()
+    frames_declared: int | None = None
+    frames_read: int = 0
+    frames_looked_at: int = 0
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+    assumed: str = ""
+    seconds: float = 0.0
+    plugin: str = ""
+    code: str = ""
+    message: str = ""
+    attempts: int = 1
+
+    @classmethod
+    def from_tree(cls, tree: Mapping[str, Any]) -> Extracted:
+        """The inverse of `asdict`, after JSON."""
+        people = tuple(Seen._make([*facts, tuple(box)]) for *facts, box in tree["people"])
+        return cls(**{**tree, "notes": tuple(tree["notes"]), "people": people})
+
+    def failed(self, error: GestureError) -> Extracted:
+        """The same input without keypoints: ``error`` is why, without a subject, which the row names."""
+        return replace(self, stored="", code=error.code, message=error.reason)
+
+    def holding(self, stored: Stored, name: str, *, cached: bool = False) -> Extracted:
+        """The same input with its keypoints in the store, under ``name``."""
+        names = ("frames_declared", "frames_read", "frames_looked_at", "complete", "seconds")
+        return replace(
+            self,
+            stored=name,
+            cached=cached,
+            people=tuple(map(Seen.of, stored.sequences)),
+            notes=tuple(stored.facts["notes"]),
+            assumed=stored.facts.get("assumed", ""),
+            **{name: stored.facts[name] for name in names},
+        )
 
 
 def keypoint_store() -> Path:

@@ -15,7 +15,7 @@ def mirror_sign(channel: str) -> int:
     """-1 for a channel whose sign a mirror reverses, otherwise 1.
 
     It reverses what points to the side (``right_wrist_x``, ``right_wrist_x.velocity``) and the sense
-    of a turn (``right_forearm.turning``), in three dimensions but for a turn around the x axis; the energy and
+    of a turn (``right_forearm.turning``), in three dimensions but for one around the x axis; the energy and
     the spread of a motion have no direction. The vector from one hand to the other also changes its ends, so
     that ``hands_y`` and ``hands_z`` are reversed instead of ``hands_x``.
     """

@@ -17,6 +17,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import IO, Any
 
+from gesture_core.cores import usable_cores
 from gesture_core.errors import WorkerError
 from gesture_core.plugin.registry import show_tracebacks, tracebacks
 from gesture_core.records import Job, Outcome, Task
@@ -319,6 +320,21 @@ class InlineEngine:
         """Forget what the tasks have left behind."""
         self._worker = None
         show_tracebacks(False)
+
+
+def perform_all(
+    job: Job,
+    tasks: Sequence[Task],
+    limits: LimitSettings,
+    workers: int,
+    on_frames: OnFrames = lambda task, frames: None,
+) -> Iterator[Outcome]:
+    """One outcome for each task, in worker processes (0: one for each core), which then end."""
+    engine = ProcessEngine(max(1, min(workers or usable_cores(), len(tasks))), limits)
+    try:
+        yield from engine.run(job, tasks, on_frames)
+    finally:
+        engine.close()
 
 
 class Assistant:

@@ -133,9 +133,10 @@ class UprightNormalizer:
 class ViewNormalizer:
     """`TorsoNormalizer` in the torso's own axes, so that a turn of the body does not matter.
 
-    x points to the body's left, y down the back, z to the back. One frame of reference serves the whole sequence:
-    y from the summed vectors from neck to mid-hip, x from those across shoulders and hips, at a right angle. What
-    is lost is which way a person faces, and whether they stand or lie. Only for keypoints in three dimensions.
+    x points to the body's left, y down the back, z to the back. One frame of reference serves the whole
+    sequence: y from the summed vectors from neck to mid-hip, x from those across shoulders and hips, at a
+    right angle. What is lost is which way a person faces, and whether they stand or lie. Only for keypoints
+    in three dimensions.
 
     Parameters
     ----------
