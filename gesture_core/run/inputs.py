@@ -262,7 +262,7 @@ class _Walk:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
         entries = [e for e in entries if not e.name.startswith(".") and e.name not in OWN_FILES]
-        files = [entry for entry in entries if entry not in folders and not _is_video(entry)]
+        files = [entry for entry in entries if entry not in folders and not self._is_video(entry)]
         self._readers.expect(files)
         reader, fault = self._readers.of(folder, {file.suffix.lower() for file in files})
         if reader:
@@ -281,7 +281,7 @@ class _Walk:
         name = printable(os.fspath(path))
         if fault := unreadable(path):
             yield _broken(path, "E_READ", *fault)
-        elif _is_video(path):
+        elif self._is_video(path):
             yield Input(path, name, "video")
         else:
             reader, trouble = self._readers.of(path)
@@ -294,10 +294,16 @@ class _Walk:
             else:
                 yield Input(path, name, "other", fault=self._readers.why_not(path) if say_why else "")
 
+    def _is_video(self, path: Path) -> bool:
+        return not self._readers.channels and path.suffix.lower() in VIDEO_SUFFIXES
+
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""
         suffix = path.suffix.lower()
-        return suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
+        return (
+            not self._readers.channels
+            and suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
+        )
 
     def _members(self, path: Path, reader: str) -> Iterator[Input]:
         name = printable(os.fspath(path))
@@ -308,7 +314,9 @@ class _Walk:
             return
         for member in members:
             shown = f"{name}::{printable(member)}" if member else name
-            yield Input(path, shown, "keypoints", member, reader)
+            # The files of collections of series say the label of each: it stands before its number.
+            label = member.rpartition("/")[0] if self._readers.channels else ""
+            yield Input(path, shown, "keypoints", member, reader, label or None)
 
 
 def _exists(path: Path) -> bool:
@@ -339,10 +347,6 @@ def _identity(folder: Path) -> tuple[int, int]:
     """The same for all ways that lead to one folder."""
     found = folder.stat()
     return found.st_dev, found.st_ino
-
-
-def _is_video(path: Path) -> bool:
-    return path.suffix.lower() in VIDEO_SUFFIXES
 
 
 Places = Mapping[str, str | os.PathLike[str] | None]

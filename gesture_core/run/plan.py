@@ -209,8 +209,9 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
     found = discover(request.examples, avoid=request.out, assistant=assistant)
     if all(item.kind == "other" for item in found):
         pictures = any(item.path.suffix.lower() in PICTURE_SUFFIXES for item in found)
+        why = next((f": {item.name}: {item.fault}" for item in found if item.fault), "")
         raise InputError(
-            "holds no example",
+            f"holds no example{why}",
             subject=", ".join(request.examples),
             remedy="examples/<label>/<clip>" + (f", or for a picture {FRAMES}" if pictures else ""),
             code="E_EMPTY",

@@ -3,7 +3,8 @@
 The store is one Parquet file for each (content, pose settings), verified when read, and kept below its limit.
 
 A file has one row for each person and frame, the columns ``person``, ``time`` and, for every joint,
-``<joint>_x``, ``<joint>_y`` and ``<joint>_score``; missing joints are null. Facts about the input
+``<joint>_x``, ``<joint>_y`` and ``<joint>_score``; missing joints are null. Of a recording it has a row for
+each sample, and a column for each channel. Facts about the input
 and a checksum of the numbers are in the schema's metadata under ``gesture_core``.
 """
 
@@ -24,7 +25,7 @@ import numpy as np
 from gesture_core.errors import GestureError, KeypointError
 from gesture_core.files import TEMPORARY, cache_dir, open_regular, replacing
 from gesture_core.skeletons import COCO18, skeleton
-from gesture_core.types import PoseSequence
+from gesture_core.types import PoseSequence, Recording
 
 FORMAT = 2
 _METADATA = b"gesture_core"
@@ -43,13 +44,13 @@ class Stored:
 
     Attributes
     ----------
-    sequences : list of PoseSequence
+    sequences : list of PoseSequence, or of one Recording
         One for each person.
     facts : mapping
         About the input: frames declared and read, completeness, notes, seconds, plugin.
     """
 
-    sequences: list[PoseSequence]
+    sequences: list[Any]
     facts: Mapping[str, Any]
 
 
@@ -63,7 +64,7 @@ class Seen(NamedTuple):
     box: tuple[float, ...]
 
     @classmethod
-    def of(cls, sequence: PoseSequence) -> Seen:
+    def of(cls, sequence: PoseSequence | Recording) -> Seen:
         """The facts of a sequence with a pose."""
         times = sequence.times[sequence.seen.any(axis=1)]
         frames, first, last = len(times), float(times[0]), float(times[-1])
@@ -152,36 +153,54 @@ def keypoint_store() -> Path:
     return cache_dir() / "keypoints"
 
 
-def write_keypoints(path: Path, sequences: Sequence[PoseSequence], facts: Mapping[str, Any]) -> None:
-    """Write ``sequences``, all of one skeleton, and ``facts`` (plain values) to a Parquet file."""
+def write_keypoints(
+    path: Path, sequences: Sequence[PoseSequence | Recording], facts: Mapping[str, Any]
+) -> None:
+    """Write ``sequences``, all of one skeleton or one recording, and ``facts`` (plain values) to a file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    name = sequences[0].skeleton if sequences else COCO18.name
-    joints = len(skeleton(name).joints)
+    header: dict[str, Any] = {"format": FORMAT, **_layout(sequences), "facts": dict(facts)}
+    header["people"] = [
+        {
+            "person": int(s.person),
+            "frame_size": getattr(s, "frame_size", None),
+            "provenance": dict(s.provenance),
+        }
+        for s in sequences
+    ]
+    names = _columns(header)
     person = np.concatenate([np.empty(0), *(np.full(len(s), s.person) for s in sequences)])
     times = np.concatenate([np.empty(0), *(s.times for s in sequences)])
-    points = np.concatenate([np.empty((0, joints, 2)), *(s.keypoints for s in sequences)])
-    scores = np.concatenate([np.empty((0, joints)), *(s.scores for s in sequences)])
-    values = np.concatenate([points, scores[..., None]], axis=2).reshape(len(points), 3 * joints)
+    values = np.concatenate([np.empty((0, len(names) - 2)), *map(_values, sequences)])
     columns = {
         column: np.ascontiguousarray(array.astype(_TYPES.get(column, np.float32)))
-        for column, array in zip(_columns(name), (person, times, *values.T), strict=True)
-    }
-    header = {
-        "format": FORMAT,
-        "skeleton": name,
-        "people": [
-            {"person": int(s.person), "frame_size": s.frame_size, "provenance": dict(s.provenance)}
-            for s in sequences
-        ],
-        "facts": dict(facts),
+        for column, array in zip(names, (person, times, *values.T), strict=True)
     }
     header["checksum"] = _checksum(header, columns)
     arrays = {key: pa.array(column, from_pandas=True) for key, column in columns.items()}
     table = pa.table(arrays).replace_schema_metadata({_METADATA: json.dumps(header, sort_keys=True)})
     with replacing(path) as temporary:
         pq.write_table(table, os.fspath(temporary), compression="zstd")
+
+
+def _layout(sequences: Sequence[PoseSequence | Recording]) -> dict[str, Any]:
+    """What the columns are: a skeleton, in how many dimensions unless they are two, or channels."""
+    first = sequences[0] if sequences else None
+    if isinstance(first, Recording):
+        return {"channels": list(first.channels)}
+    if first is None:
+        return {"skeleton": COCO18.name}
+    dimensions = first.keypoints.shape[2]
+    return {"skeleton": first.skeleton} | ({"dimensions": dimensions} if dimensions != 2 else {})
+
+
+def _values(sequence: PoseSequence | Recording) -> np.ndarray:
+    """(T, columns) numbers of one sequence."""
+    if isinstance(sequence, Recording):
+        return sequence.values
+    whole = np.concatenate([sequence.keypoints, sequence.scores[..., None]], axis=2)
+    return whole.reshape(len(sequence), -1)
 
 
 def read_keypoints(path: Path, source: str = "") -> Stored:
@@ -216,7 +235,7 @@ def _read(path: Path, source: str) -> Stored:
         header = json.loads((parquet.schema_arrow.metadata or {})[_METADATA])
         if header["format"] != FORMAT:
             raise ValueError(f"format {header['format']}, this version reads {FORMAT}")
-        names = _columns(header["skeleton"])
+        names = _columns(header)
         table = parquet.read(columns=names)
     columns = {
         name: table.column(name).to_numpy().astype(_TYPES.get(name, np.float32), copy=False) for name in names
@@ -224,28 +243,38 @@ def _read(path: Path, source: str) -> Stored:
     if _checksum(header, columns) != header["checksum"]:
         raise ValueError("the content does not match its checksum")
     person, times, *values = columns.values()
-    joints = np.stack(values, axis=1).reshape(len(times), len(values) // 3, 3)
-    sequences = []
+    table_of = np.stack(values, axis=1)
+    sequences: list[PoseSequence | Recording] = []
     for entry in header["people"]:
         rows, size = person == int(entry["person"]), entry["frame_size"]
+        provenance = {str(key): str(value) for key, value in entry["provenance"].items()}
+        if "channels" in header:
+            channels = tuple(map(str, header["channels"]))
+            sequences.append(Recording(table_of[rows], times[rows], channels, source, provenance))
+            continue
+        width = header.get("dimensions", 2)
+        joints = table_of[rows].reshape(int(rows.sum()), -1, width + 1)
         sequences.append(
             PoseSequence(
-                joints[rows, :, :2],
-                joints[rows, :, 2],
+                joints[:, :, :width],
+                joints[:, :, width],
                 times[rows],
                 header["skeleton"],
                 (int(size[0]), int(size[1])) if size else None,
                 int(entry["person"]),
                 source,
-                {str(key): str(value) for key, value in entry["provenance"].items()},
+                provenance,
             )
         )
     return Stored(sequences, dict(header["facts"]))
 
 
-def _columns(name: str) -> list[str]:
-    joints = skeleton(name).joints
-    return ["person", "time", *(f"{joint}_{part}" for joint in joints for part in ("x", "y", "score"))]
+def _columns(header: Mapping[str, Any]) -> list[str]:
+    if "channels" in header:
+        return ["person", "time", *(f"channel {name}" for name in header["channels"])]
+    parts = (*"xyz"[: header.get("dimensions", 2)], "score")
+    joints = skeleton(header["skeleton"]).joints
+    return ["person", "time", *(f"{joint}_{part}" for joint in joints for part in parts)]
 
 
 def _checksum(header: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> str:
@@ -272,7 +301,7 @@ class StoreReader:
         return [""]
 
     def read(self, path: Path, member: str = "") -> list[PoseSequence]:
-        """The sequences of the file, one for each person."""
+        """The sequences of the file, one for each person; no recording of channels."""
         if member:
             raise KeypointError(f"has no member {member!r}", subject=path.name, code="E_KEYPOINTS_MEMBER")
         return read_keypoints(path).sequences

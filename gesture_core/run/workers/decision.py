@@ -99,7 +99,7 @@ class Decider:
         """
         self._worker.slow()
         folder, alive = decoded(run), self._worker.alive
-        known = KnownDistances.read(folder / DISTANCES, self._compared_by())
+        known = KnownDistances.read(folder / DISTANCES, self._compared_by(fingerprint))
         with calling(self._entry, kept="the keypoints", remedy=_INSTEAD):
             if self._spots:
                 from gesture_core.spot.spotter import Spotter  # only where a recording is looked into
@@ -124,7 +124,7 @@ class Decider:
         say why, and what was renamed is not to be found under its old name.
         """
         self._worker.slow()
-        known = KnownDistances.read(decoded(run) / DISTANCES, self._compared_by())
+        known = KnownDistances.read(decoded(run) / DISTANCES, self._compared_by(fingerprint))
         self._recognizer = open_fitted(decoded(run), fingerprint, known, names)
         self._known = known if self._recognizer else None
         return self._recognizer is not None
@@ -168,11 +168,12 @@ class Decider:
                     answers[-1].append(_failed(error))
         return answers
 
-    def _compared_by(self) -> str:
-        """A hash of everything but the pair that decides a distance."""
+    def _compared_by(self, fingerprint: str) -> str:
+        """A hash of everything but the pair that decides a distance; with ``balance`` so do all examples."""
         tree = self._settings.as_dict()
-        decide = ("kernel", "mirror", "coverage", "separate", "relative", "rest")
+        decide = ("kernel", "mirror", "coverage", "separate", "relative", "rest", "balance", "weights")
         chosen = {name: tree["classify"][name] for name in decide}
+        chosen |= {"examples": fingerprint} if chosen["balance"] else {}
         options, still = self._settings.plugin_options(self._kernel), tree["signals"]["still"]
         return tree_sha256([__version__, self._entry.identity, tree["dtw"], chosen, options, still])
 

@@ -352,6 +352,11 @@ class Assistant:
         self._job = job
         self._engine = InlineEngine(1, limits) if inline else ProcessEngine(1, limits)
 
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """Those of its job, as plain values."""
+        return self._job.settings
+
     def ask(
         self,
         function: str,

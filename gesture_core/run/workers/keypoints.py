@@ -16,7 +16,7 @@ from gesture_core.plugin.abilities import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import decoded
 from gesture_core.run.store import Extracted, Stored, mark_used, read_keypoints, write_keypoints
-from gesture_core.types import PoseSequence
+from gesture_core.types import PoseSequence, Recording
 
 if TYPE_CHECKING:
     import numpy as np
@@ -181,19 +181,22 @@ class KeypointExtractor:
             "assumed": str(report.assumed),
         }
 
-    def _from_reader(self, path: Path, member: str, name: str) -> tuple[list[PoseSequence], dict[str, Any]]:
+    def _from_reader(self, path: Path, member: str, name: str) -> tuple[list[Any], dict[str, Any]]:
         from gesture_core.pose.plausible import check_plausible
 
         pose, known = self._settings.pose, {}
-        sequences: list[PoseSequence]
+        sequences: list[Any]  # PoseSequence, or one Recording
         odd: list[str] = []
         if name == "store":
             stored = read_keypoints(path)
             sequences, known = stored.sequences, dict(stored.facts)
         else:
             reader = self.reader(name)
-            with calling(registry().find("reader", name), passing=(OSError,)):
-                sequences = [_checked(sequence) for sequence in reader.read(path, member)]
+            entry = registry().find("reader", name)
+            with calling(entry, passing=(OSError,)):
+                sequences = [_checked(one, channels=entry.channels) for one in reader.read(path, member)]
+        if sequences and isinstance(sequences[0], Recording):
+            return sequences[:1], known | self._facts_of(sequences)
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
         if name != "store":
@@ -205,6 +208,9 @@ class KeypointExtractor:
         if len({sequence.person for sequence in sequences}) < len(sequences):
             # Rows and files tell people apart by their numbers.
             sequences = [replace(sequence, person=n) for n, sequence in enumerate(sequences)]
+        return sequences, self._facts_of(sequences, odd) | known
+
+    def _facts_of(self, sequences: list[Any], odd: Sequence[str] = ()) -> dict[str, Any]:
         frames = max((len(sequence) for sequence in sequences), default=0)
         if frames > self._settings.limits.frames:
             raise KeypointError(
@@ -215,7 +221,7 @@ class KeypointExtractor:
         seconds = max((float(s.times[-1] - s.times[0]) for s in sequences if len(s)), default=0.0)
         lost = sorted({s.provenance["lost"] for s in sequences if "lost" in s.provenance})
         unread = max((int(s.provenance.get("lost_frames", 0)) for s in sequences), default=0)
-        facts: dict[str, Any] = {
+        return {
             "frames_declared": None,
             "frames_read": frames - unread,
             "frames_looked_at": frames - unread,
@@ -224,7 +230,6 @@ class KeypointExtractor:
             "seconds": seconds,
             "assumed": str(sequences[0].provenance.get("assumed", "")) if sequences else "",
         }
-        return sequences, facts | known
 
     def reader(self, name: str) -> KeypointReader:
         """A keypoint reader with what the settings say of its files, constructed once."""
@@ -249,13 +254,14 @@ class KeypointExtractor:
         return open_backend(self._settings, self._job.threads)
 
 
-def _checked(sequence: object) -> PoseSequence:
-    if not isinstance(sequence, PoseSequence):
-        raise TypeError(f"{type(sequence).__name__} instead of a PoseSequence")
+def _checked(sequence: object, *, channels: bool) -> PoseSequence | Recording:
+    wanted = Recording if channels else PoseSequence
+    if not isinstance(sequence, wanted):
+        raise TypeError(f"{type(sequence).__name__} instead of a {wanted.__name__}")
     return sequence
 
 
-def _notes(sequence: PoseSequence) -> list[str]:
+def _notes(sequence: PoseSequence | Recording) -> list[str]:
     """The clauses of what its reader noted."""
     return [note for note in sequence.provenance.get("notes", "").split("; ") if note]
 
