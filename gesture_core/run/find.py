@@ -120,7 +120,7 @@ def find(
     if strangers := [item.name for item in items if item.kind == "other"]:
         shown = ", ".join(strangers[:5]) + (", …" if strangers[5:] else "")
         warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)
-    readable = [item for item in items if item.kind in ("video", "keypoints")]
+    readable = [item for item in items if item.readable]
     if not readable:
         raise InputError("holds no recording", subject=", ".join(sources), code="E_EMPTY")
     query = _query(clip, ready, listener)
@@ -144,7 +144,7 @@ def find(
 def _query(clip: str | os.PathLike[str], settings: Settings, listener: Listener) -> Extracted:
     """The keypoints of the clip, in the store."""
     items = discover([clip], settings=settings)
-    if len(items) != 1 or items[0].kind not in ("video", "keypoints"):
+    if len(items) != 1 or not items[0].readable:
         cause = items[0].fault if len(items) == 1 and items[0].fault else f"holds {len(items)} inputs"
         raise InputError(cause, subject=os.fspath(clip), remedy="one clip", code="E_INPUT")
     (item,) = items

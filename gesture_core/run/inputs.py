@@ -85,6 +85,11 @@ class Input:
         object.__setattr__(self, "key", place + b"\0" + self.member.encode("utf-8", "surrogatepass"))
 
     @property
+    def readable(self) -> bool:
+        """It is a video, or keypoints that somebody reads."""
+        return self.kind in ("video", "keypoints")
+
+    @property
     def place(self) -> bytes:
         """The exact bytes of the absolute path."""
         return self.key.partition(b"\0")[0]
@@ -360,7 +365,7 @@ def find_inputs(places: Places, settings: Settings) -> dict[str, Input | Gesture
         if item is None:
             remedy = "to put it back"
             found[name] = InputError(GONE, subject=name, remedy=remedy, code="E_NOT_FOUND")
-        elif item.kind in ("video", "keypoints") and printable(item.member) == name.partition("::")[2]:
+        elif item.readable and printable(item.member) == name.partition("::")[2]:
             found[name] = item
         else:
             fault, code = item.fault or "is not what the run found there", item.code or "E_CHANGED"
