@@ -14,6 +14,7 @@ from pathlib import Path
 from gesture_core.errors import GestureError, InputError
 from gesture_core.files import made_up, printable, unreadable
 from gesture_core.records import Job
+from gesture_core.run.addresses import drop, entries, fetch, is_address, local_path, look, shown
 from gesture_core.run.readers import Readers
 from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
@@ -31,6 +32,8 @@ COMPANIONS = frozenset(
     ".txt .md .log .pdf .html .srt .vtt .ass .jpg .jpeg .png .xml .yaml .yml .toml .ini .db .lnk".split()
 )
 _MANIFESTS = (".txt", ".csv")
+_KEPT = 1 << 30
+"""Bytes of fetched files that stay until their turn comes; further ones are fetched again."""
 _NAMED = 5
 """Files that a message lists."""
 FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4)"
@@ -62,6 +65,8 @@ class Input:
         From `files.stamp`, when a run began; empty where the file could not be looked at.
     sha256 : str
         Content hash of an example, at that time; empty where it could not be read.
+    address : str
+        Where fsspec finds it; empty for a file. It is at ``path`` once it is fetched.
     key : bytes
         Identity inside a run: the exact bytes of the absolute path, and the member.
     """
@@ -77,10 +82,12 @@ class Input:
     remedy: str = ""
     stamp: str = ""
     sha256: str = ""
+    address: str = field(default="", repr=False)
     key: bytes = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        place = os.fsencode(os.path.abspath(self.path))  # noqa: PTH100 - ten times as fast as pathlib
+        where = shown(self.address) or os.path.abspath(self.path)  # noqa: PTH100 - ten times as fast as pathlib
+        place = os.fsencode(where)
         object.__setattr__(self, "key", place + b"\0" + self.member.encode("utf-8", "surrogatepass"))
 
     @property
@@ -141,11 +148,11 @@ def discover(
     found: dict[bytes, Input] = {}
     empty = []
     for source in sources:
-        if "://" in os.fspath(source):
-            raise InputError(
-                "is an address", subject=str(source), remedy="downloading it first", code="E_NOT_FOUND"
-            )
-        before, items = walk.passed, list(walk.source(Path(source)))
+        text = os.fspath(source)
+        if is_address(text) and not text.startswith("file://"):
+            before, items = walk.passed, list(walk.address(text))
+        else:
+            before, items = walk.passed, list(walk.source(Path(local_path(text))))
         if not items and walk.passed == before:
             empty.append(printable(os.fspath(source)))
         for item in items:
@@ -191,6 +198,7 @@ class _Walk:
         self._avoid = _identity(avoid) if avoid and avoid.exists() else None
         self._readers = readers
         self._been: set[tuple[int, int]] = set()
+        self._fetched = 0
         self.passed = 0
         """Folders that were not entered, since they had been entered before."""
 
@@ -222,6 +230,27 @@ class _Walk:
                 yield _broken(path, "E_NOT_FOUND", "nothing matches", "another pattern")
             for match in matches:
                 yield from self.path(Path(match))
+
+    def address(self, source: str) -> Iterator[Input]:
+        """Inputs of an address. Only what is no video by its name is fetched now, to see whose it is."""
+        nobodys = (COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES) - self._readers.suffixes
+        for path, entry in entries(source):
+            about = {"name": shown(entry.address), "address": entry.address, "stamp": entry.stamp}
+            if _is_video(path) or path.suffix.lower() in nobodys:
+                yield Input(path, kind="video" if _is_video(path) else "other", **about)
+                continue
+            try:
+                fetch(entry, path)
+            except InputError as error:
+                fault = error.message.removeprefix(f"{error.subject}: ")
+                yield Input(path, kind="broken", code=error.code, fault=fault, **about)
+                continue
+            for item in self._file(path):
+                name = about["name"] + (f"::{printable(item.member)}" if item.member else "")
+                yield replace(item, **{**about, "name": name})
+            self._fetched += entry.size or 0
+            if self._fetched > _KEPT:
+                drop(path)
 
     def path(self, path: Path) -> Iterator[Input]:
         """Inputs in a file or folder."""
@@ -363,6 +392,9 @@ def find_inputs(
         for name, place in places.items():
             path, member = _path(name, os.fspath(place or "")), name.partition("::")[2]
             try:
+                if is_address(name):
+                    found[name] = _fetched_again(name, assistant)
+                    continue
                 if path not in looked:
                     every = discover([path], assistant=assistant)
                     looked[path] = {_spelled(item.path, printable(item.member)): item for item in every}
@@ -378,6 +410,14 @@ def find_inputs(
                     code="E_NOT_FOUND",
                 )
     return found
+
+
+def _fetched_again(name: str, assistant: Assistant) -> Input:
+    """The input of an address, fetched; a KeyError where it is not there."""
+    whole = name if Path(name).suffix.lower() in VIDEO_SUFFIXES else name.rpartition("::")[0] or name
+    item = {item.name: item for item in discover([whole], assistant=assistant)}[name]
+    fetch(look(item.address), item.path)
+    return item
 
 
 def _path(name: str, place: str) -> Path:

@@ -67,9 +67,9 @@ def try_model(worker: Worker) -> None:
         raise PoseError("two answers to one picture differ", code="E_MODEL_PROBE")
 
 
-def extract(worker: Worker, path: str, member: str, reader: str) -> dict[str, Any]:
+def extract(worker: Worker, path: str, member: str, reader: str, address: str = "") -> dict[str, Any]:
     """Keypoints of one input into the store; the fields of `keypoints.Extracted`."""
-    return asdict(worker.extractor(decoded(path), member, reader))
+    return asdict(worker.extractor(decoded(path), member, reader, address))
 
 
 def lasts(worker: Worker, path: str) -> float | None:
