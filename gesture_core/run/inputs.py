@@ -6,7 +6,7 @@ import errno
 import glob
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from pathlib import Path
 from gesture_core.errors import GestureError, InputError
 from gesture_core.files import made_up, printable, unreadable
 from gesture_core.records import Job
-from gesture_core.run.addresses import drop, entries, fetch, is_address, local_path, look, shown
+from gesture_core.run.addresses import drop, entries, fetch, is_address, local_path, shown
 from gesture_core.run.readers import Readers
 from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
@@ -144,7 +144,7 @@ def discover(
         settings = settings or Settings()
         with Assistant(Job(settings.as_dict(), ""), settings.limits) as own:
             return discover(sources, avoid=avoid, assistant=own)
-    walk = _Walk(avoid, Readers(assistant))
+    walk = Walk(avoid, Readers(assistant))
     found: dict[bytes, Input] = {}
     empty = []
     for source in sources:
@@ -191,7 +191,7 @@ def discover_readable(
     return found
 
 
-class _Walk:
+class Walk:
     """Remembers which folders it has been in, so that no link leads round in circles."""
 
     def __init__(self, avoid: Path | None, readers: Readers) -> None:
@@ -211,7 +211,7 @@ class _Walk:
             entries = read_manifest(path)
         if entries is not None:
             for entry, label in entries:
-                if not _exists(entry):
+                if not exists(entry):
                     raise _not_found(
                         entry, f"in {printable(os.fspath(path))}, which is read as a list of paths"
                     )
@@ -219,7 +219,7 @@ class _Walk:
                     self._been.clear()
                 for item in self.path(entry):
                     yield replace(item, label=label) if label else item
-        elif _exists(path):
+        elif exists(path):
             yield from self.path(path)
         else:
             text = os.fspath(path)
@@ -236,8 +236,8 @@ class _Walk:
         nobodys = (COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES) - self._readers.suffixes
         for path, entry in entries(source):
             about = {"name": shown(entry.address), "address": entry.address, "stamp": entry.stamp}
-            if _is_video(path) or path.suffix.lower() in nobodys:
-                yield Input(path, kind="video" if _is_video(path) else "other", **about)
+            if self._is_video(path) or path.suffix.lower() in nobodys:
+                yield Input(path, kind="video" if self._is_video(path) else "other", **about)
                 continue
             try:
                 fetch(entry, path)
@@ -247,7 +247,7 @@ class _Walk:
                 continue
             for item in self._file(path):
                 name = about["name"] + (f"::{printable(item.member)}" if item.member else "")
-                yield replace(item, **{**about, "name": name})
+                yield replace(item, name=name, address=entry.address, stamp=entry.stamp)
             self._fetched += entry.size or 0
             if self._fetched > _KEPT:
                 drop(path)
@@ -290,7 +290,7 @@ class _Walk:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
         entries = [e for e in entries if not e.name.startswith(".") and e.name not in OWN_FILES]
-        files = [entry for entry in entries if entry not in folders and not _is_video(entry)]
+        files = [entry for entry in entries if entry not in folders and not self._is_video(entry)]
         self._readers.expect(files)
         reader, fault = self._readers.of(folder, {file.suffix.lower() for file in files})
         if reader:
@@ -309,7 +309,7 @@ class _Walk:
         name = printable(os.fspath(path))
         if fault := unreadable(path):
             yield _broken(path, "E_READ", *fault)
-        elif _is_video(path):
+        elif self._is_video(path):
             yield Input(path, name, "video")
         else:
             reader, trouble = self._readers.of(path)
@@ -322,10 +322,16 @@ class _Walk:
             else:
                 yield Input(path, name, "other", fault=self._readers.why_not(path) if say_why else "")
 
+    def _is_video(self, path: Path) -> bool:
+        return not self._readers.channels and path.suffix.lower() in VIDEO_SUFFIXES
+
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""
         suffix = path.suffix.lower()
-        return suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
+        return (
+            not self._readers.channels
+            and suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
+        )
 
     def _members(self, path: Path, reader: str) -> Iterator[Input]:
         name = printable(os.fspath(path))
@@ -336,10 +342,12 @@ class _Walk:
             return
         for member in members:
             shown = f"{name}::{printable(member)}" if member else name
-            yield Input(path, shown, "keypoints", member, reader)
+            # The files of collections of series say the label of each: it stands before its number.
+            label = member.rpartition("/")[0] if self._readers.channels else ""
+            yield Input(path, shown, "keypoints", member, reader, label or None)
 
 
-def _exists(path: Path) -> bool:
+def exists(path: Path) -> bool:
     """Whether there is anything, be it a link that leads nowhere."""
     try:
         return path.exists() or path.is_symlink()
@@ -367,65 +375,3 @@ def _identity(folder: Path) -> tuple[int, int]:
     """The same for all ways that lead to one folder."""
     found = folder.stat()
     return found.st_dev, found.st_ino
-
-
-def _is_video(path: Path) -> bool:
-    return path.suffix.lower() in VIDEO_SUFFIXES
-
-
-def find_inputs(
-    places: Mapping[str, str | os.PathLike[str] | None], settings: Settings
-) -> dict[str, Input | GestureError]:
-    """The input of each name, or why there is none.
-
-    Parameters
-    ----------
-    places : mapping
-        Absolute paths by the names of inputs, as the run knows them; None where it does not.
-    settings : Settings
-        Of the run.
-    """
-    found: dict[str, Input | GestureError] = {}
-    looked: dict[Path, dict[str, Input]] = {}
-    with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant, warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        for name, place in places.items():
-            path, member = _path(name, os.fspath(place or "")), name.partition("::")[2]
-            try:
-                if is_address(name):
-                    found[name] = _fetched_again(name, assistant)
-                    continue
-                if path not in looked:
-                    every = discover([path], assistant=assistant)
-                    looked[path] = {_spelled(item.path, printable(item.member)): item for item in every}
-                item = looked[path].get(_spelled(path, member)) or looked[path][_spelled(path, "")]
-                readable = item.kind in ("video", "keypoints") and printable(item.member) == member
-                fault, code = item.fault or "is not what the run found there", item.code or "E_CHANGED"
-                found[name] = item if readable else replace(item, name=name, fault=fault, code=code).error()
-            except (GestureError, KeyError):
-                found[name] = InputError(
-                    "is not where the run found it",
-                    subject=name,
-                    remedy="to put it back",
-                    code="E_NOT_FOUND",
-                )
-    return found
-
-
-def _fetched_again(name: str, assistant: Assistant) -> Input:
-    """The input of an address, fetched; a KeyError where it is not there."""
-    whole = name if Path(name).suffix.lower() in VIDEO_SUFFIXES else name.rpartition("::")[0] or name
-    item = {item.name: item for item in discover([whole], assistant=assistant)}[name]
-    fetch(look(item.address), item.path)
-    return item
-
-
-def _path(name: str, place: str) -> Path:
-    """Where an input is: at its place, or, after a move, where its name leads from here."""
-    typed = Path(name.partition("::")[0])
-    return typed if not place or (typed.exists() and not Path(place).exists()) else Path(place)
-
-
-def _spelled(path: Path, member: str) -> str:
-    """The same for all spellings of an input."""
-    return f"{path.resolve()}::{member}"

@@ -173,7 +173,7 @@ def test_what_is_cut_off_is_read_again(
 ) -> None:
     cut = Cut(memory, times)
     monkeypatch.setattr(type(memory), "get_file", lambda self, *a, **o: cut(self, *a, **o))
-    monkeypatch.setattr(addresses.time, "sleep", lambda seconds: None)
+    monkeypatch.setattr("gesture_core.run.addresses.time.sleep", lambda seconds: None)
     entry = look("memory://videos/day0/left.npz")
     if code:
         with pytest.raises(InputError, match="bytes could be read") as caught:

@@ -255,14 +255,14 @@ class _Round:
         if alive:
             self._on_frames(task, frames)
         tree = json.loads(text)
-        error = tree["error"] and from_tree(tree["error"])
-        if error and error.code == "E_WORKER_MEMORY":
-            yield from self._failed(task, error)
+        failed = tree["error"] and from_tree(tree["error"])
+        if failed and failed.code == "E_WORKER_MEMORY":
+            yield from self._failed(task, failed)
             return
         if data:
             _keep(Path(self._job.store), str(tree["value"]["stored"]), data)
         attempts = 1 + (again and task.number not in self._unlucky)
-        yield Outcome(task.number, tree["value"], error, attempts=attempts)
+        yield Outcome(task.number, tree["value"], failed, attempts=attempts)
 
     def _failed(self, task: Task, error: Any) -> Iterator[Outcome]:
         """Once more, or that was it."""

@@ -13,7 +13,7 @@ from gesture_engine_ray.engine import RayEngine
 from gesture_core import classify_archive
 from gesture_core.errors import ConfigError
 from gesture_core.records import Job, Task
-from gesture_core.run.export import write_rows
+from gesture_core.run.export import export_rows
 from gesture_core.run.extract import Listener
 from gesture_core.settings import LimitSettings, load_settings
 from gesture_core.testing import ENGINE_CHECKS
@@ -21,7 +21,7 @@ from gesture_core.testing import ENGINE_CHECKS
 ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'gesture-core[ray]'")
 pytestmark = pytest.mark.slow
 LIMITS = LimitSettings(memory=200)
-OPTIONS = {"limits__memory": 200, "classify__kernel": "numpy"}
+OPTIONS: dict[str, Any] = {"limits__memory": 200, "classify__kernel": "numpy"}
 
 
 FIGURE = (
@@ -144,7 +144,7 @@ def test_a_machine_that_is_killed_changes_no_row(
                 engine=engine, listener=listener, **OPTIONS,
             )  # fmt: skip
         assert sum(summary.counts.values()) == count
-        write_rows(tmp_path / f"run-{engine}", "csv", tmp_path / f"{engine}.csv")
+        export_rows(tmp_path / f"run-{engine}", "csv", tmp_path / f"{engine}.csv", LimitSettings())
         exports.append((tmp_path / f"{engine}.csv").read_text("utf-8").splitlines())
     ray_rows, one = exports
     assert len(ray_rows) == len(one) == count + 1
