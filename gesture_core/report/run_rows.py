@@ -25,7 +25,7 @@ from gesture_core.run.store import Extracted
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
-from gesture_core.types import PoseSequence, Row, Signals
+from gesture_core.types import PoseSequence, Recording, Row, Signals
 
 COLUMNS = (
     "input", "person", "event", "label", "status", "code", "message", "note", "distance", "margin", "score",
@@ -262,8 +262,12 @@ class _Page:
                 batch = []
         yield batch
 
-    def _want(self, one: _PageRow, item: Input, found: Extracted, pose: PoseSequence | None) -> None:
-        if pose is not None:
+    def _want(
+        self, one: _PageRow, item: Input, found: Extracted, pose: PoseSequence | Recording | None
+    ) -> None:
+        if isinstance(pose, Recording):
+            one.missing = "channels have no picture"
+        elif pose is not None:
             start, end = _stretch(pose)
             if one.row.event and one.row.start is not None and one.row.end is not None:
                 start, end = one.row.start, one.row.end

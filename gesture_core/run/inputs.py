@@ -20,6 +20,7 @@ from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 from gesture_core.video.containers import begins_as_video
+from gesture_core.video.picture import SUFFIXES as PICTURES
 
 VIDEO_SUFFIXES = frozenset(
     ".mp4 .m4v .mov .qt .avi .mkv .webm .flv .f4v .wmv .asf .mpg .mpeg .m2v .vob .ts .mts .m2ts "
@@ -36,7 +37,10 @@ _KEPT = 1 << 30
 """Bytes of fetched files that stay until their turn comes; further ones are fetched again."""
 _NAMED = 5
 """Files that a message lists."""
-FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4)"
+FRAMES = (
+    "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4), "
+    "or --preset pose, if it shows a posture"
+)
 """What to try with a picture."""
 
 
@@ -323,7 +327,10 @@ class Walk:
                 yield Input(path, name, "other", fault=self._readers.why_not(path) if say_why else "")
 
     def _is_video(self, path: Path) -> bool:
-        return not self._readers.channels and path.suffix.lower() in VIDEO_SUFFIXES
+        if self._readers.channels:
+            return False
+        suffix = path.suffix.lower()
+        return suffix in VIDEO_SUFFIXES or (self._readers.pictures and suffix in PICTURES)
 
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""
