@@ -10,7 +10,7 @@ import numpy as np
 
 from gesture_core.errors import ConfigError, PluginError
 from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable, lacking
-from gesture_core.pose.follow import Follower
+from gesture_core.pose.follow import Follower, Frame
 from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import skeleton
 from gesture_core.types import Person, PoseSequence
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from gesture_core.pose.region import RegionFollower
     from gesture_core.settings import Settings
 
-Frame = tuple[float, np.ndarray]
-REVISION = 3
+REVISION = 4
 """Goes up when the same network gives other keypoints than before: stored ones are then not used again."""
 
 
@@ -138,7 +137,7 @@ def extract_poses(
             for everybody in backend.estimate(pictures, people):
                 tracker.add(everybody)
             continue
-        for person in follower.estimate(pictures) if follower else _best(backend, pictures):
+        for person in follower.estimate(batch) if follower else _best(backend, pictures):
             points.append(person.keypoints if person else np.full((joints, 2), np.nan))
             scores.append(person.scores if person else np.zeros(joints))
             others += bool(person and person.others)

@@ -45,7 +45,7 @@ class LivePose:
 
     def push(self, time: float, frame: np.ndarray) -> PoseSequence:
         """The person in the next frame, (H, W, 3) uint8 in BGR, at its second: a sequence of one frame."""
-        person = self._find(frame)
+        person = self._find(time, frame)
         joints = len(self._body.joints)
         points = np.full((joints, 2), np.nan) if person is None else person.keypoints
         scores = np.zeros(joints) if person is None else person.scores
@@ -60,8 +60,8 @@ class LivePose:
         at = np.array([time])
         return PoseSequence(points[None], scores[None], at, self._backend.skeleton, size, 0, self._source)
 
-    def _find(self, frame: np.ndarray) -> Person | None:
+    def _find(self, time: float, frame: np.ndarray) -> Person | None:
         if self._follower:
-            return self._follower.estimate([frame])[0]
+            return self._follower.estimate([(time, frame)])[0]
         people = self._backend.estimate([frame])[0]
         return people[0] if people else None

@@ -62,7 +62,7 @@ def test_following_sees_a_person_of_a_fifth_of_the_height(tmp_path: Path) -> Non
 
 def test_the_person_is_searched_once_while_they_stay(tmp_path: Path) -> None:
     follower = Follower(backend(dot_network(tmp_path / "dots.onnx")))
-    frames = [frame for _, frame in film(walk(30))]
+    frames = list(film(walk(30)))
     for start in range(0, 30, 8):
         follower.estimate(frames[start : start + 8])
     assert follower.searches == 1
