@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -65,6 +65,8 @@ class Person:
         head of the circle around it that all of the body can reach.
     others : int
         How many more people the network saw in the picture, where only this one was asked for.
+    depth : (J,) float array, optional
+        As in `PoseSequence`.
     """
 
     keypoints: np.ndarray
@@ -73,6 +75,7 @@ class Person:
     presence: float = 1.0
     region: np.ndarray | None = None
     others: int = 0
+    depth: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +101,9 @@ class PoseSequence:
         The input, as the user named it.
     provenance : mapping
         What made the keypoints: backend, model hash, reader.
+    depth : (T, J) float32, optional
+        How far each joint is behind the middle of the hips, in the unit of the keypoints, where the network says
+        so; NaN where the joint is missing. No preset uses it.
     """
 
     keypoints: np.ndarray
@@ -108,6 +114,7 @@ class PoseSequence:
     person: int = 0
     source: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
+    depth: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         points = _single(self.keypoints)
@@ -126,7 +133,14 @@ class PoseSequence:
                 subject=self.source,
                 code="E_KEYPOINTS_SHAPE",
             )
-        if np.isinf(points).any():
+        depth = None if self.depth is None else _single(self.depth)
+        if depth is not None and depth.shape != (frames, joints):
+            raise KeypointError(
+                f"depth {depth.shape} does not fit {frames} frames of {joints} joints",
+                subject=self.source,
+                code="E_KEYPOINTS_SHAPE",
+            )
+        if np.isinf(points).any() or (depth is not None and np.isinf(depth).any()):
             raise KeypointError("a coordinate is infinite", subject=self.source, code="E_KEYPOINTS_VALUE")
         times = _filled(self.times).astype(np.float64)
         if not _ascending(times):
@@ -139,9 +153,17 @@ class PoseSequence:
         object.__setattr__(self, "keypoints", _frozen(points, np.float32))
         object.__setattr__(self, "scores", _frozen(np.clip(scores, 0, 1), np.float32))
         object.__setattr__(self, "times", _frozen(times, np.float64))
+        if depth is not None:
+            object.__setattr__(self, "depth", _frozen(np.where(missing, np.nan, depth), np.float32))
 
     def __len__(self) -> int:
         return len(self.times)
+
+    def part(self, frames: slice | np.ndarray) -> PoseSequence:
+        """The same sequence, of these frames alone."""
+        depth = None if self.depth is None else self.depth[frames]
+        points, scores, times = self.keypoints[frames], self.scores[frames], self.times[frames]
+        return replace(self, keypoints=points, scores=scores, times=times, depth=depth)
 
     def __repr__(self) -> str:
         span = self.times[-1] - self.times[0] if len(self) else 0.0
@@ -180,16 +202,13 @@ class PoseSequence:
         """The same sequence in the skeleton called ``name`` (itself where it already is)."""
         if self.skeleton == name:
             return self
-        points, scores = mapped(self.keypoints, self.scores, skeleton(self.skeleton), skeleton(name))
-        return PoseSequence(
-            points,
-            scores,
-            self.times,
-            name,
-            self.frame_size,
-            self.person,
-            self.source,
-            {**self.provenance, "source_skeleton": self.skeleton},
+        own, target, depth = skeleton(self.skeleton), skeleton(name), self.depth
+        points, scores = mapped(self.keypoints, self.scores, own, target)
+        if depth is not None:
+            depth = mapped(depth, self.scores, own, target)[0]
+        provenance = {**self.provenance, "source_skeleton": self.skeleton}
+        return replace(
+            self, keypoints=points, scores=scores, skeleton=name, provenance=provenance, depth=depth
         )
 
 

@@ -172,7 +172,7 @@ def _blazepose(outputs: list[np.ndarray], input_size: tuple[int, int]) -> list[l
         cell = np.array(input_size[::-1], np.float32) / maps.shape[:1:-1]
         places = cell * np.stack([_finer(*one) for one in zip(places / cell, maps, strict=True)])
     return [
-        [Person(points[:33], expit(one[:33, 3]), None, float(presence), points[33:35])]
+        [Person(points[:33], expit(one[:33, 3]), None, float(presence), points[33:35], depth=one[:33, 2])]
         for one, points, presence in zip(landmarks, places - 0.5, there, strict=True)
     ]
 

@@ -127,6 +127,7 @@ def extract_poses(
     points: list[np.ndarray] = []
     scores: list[np.ndarray] = []
     peaks: list[np.ndarray] = []
+    depths: list[np.ndarray | None] = []
     others = 0
     stream = iter(frames)
     while batch := list(islice(stream, backend.batch_size)):
@@ -140,6 +141,7 @@ def extract_poses(
         for person in follower.estimate(batch) if follower else _best(backend, pictures):
             points.append(person.keypoints if person else np.full((joints, 2), np.nan))
             scores.append(person.scores if person else np.zeros(joints))
+            depths.append(person.depth if person else None)
             others += bool(person and person.others)
             if choice:
                 peaks.append(choice.peaks_of(person))
@@ -156,7 +158,10 @@ def extract_poses(
     where, certain = np.stack(points), np.stack(scores)
     if choice:
         where, certain = choice.choose(where, certain, np.stack(peaks), at)
-    return [PoseSequence(where, certain, at, backend.skeleton, size, 0, source, provenance)]
+    depth = None
+    if any(one is not None for one in depths):
+        depth = np.stack([np.full(joints, np.nan) if one is None else one for one in depths])
+    return [PoseSequence(where, certain, at, backend.skeleton, size, 0, source, provenance, depth)]
 
 
 def _best(backend: PoseBackend, pictures: Sequence[np.ndarray]) -> list[Person | None]:

@@ -57,8 +57,9 @@ class LivePose:
             chosen, sure = self._choice.choose(where, certain, peaks, times)
             points, scores = chosen[-1], sure[-1]
         size = (frame.shape[1], frame.shape[0])
-        at = np.array([time])
-        return PoseSequence(points[None], scores[None], at, self._backend.skeleton, size, 0, self._source)
+        at, depth = np.array([time]), None if person is None or person.depth is None else person.depth[None]
+        name = self._backend.skeleton
+        return PoseSequence(points[None], scores[None], at, name, size, 0, self._source, depth=depth)
 
     def _find(self, time: float, frame: np.ndarray) -> Person | None:
         if self._follower:

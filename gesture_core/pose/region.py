@@ -101,7 +101,8 @@ class Region:
             return moved.astype(np.float32)
 
         region = None if person.region is None else back(person.region)
-        return replace(person, keypoints=back(person.keypoints), region=region)
+        depth = None if person.depth is None else person.depth * np.float32(self.side / pixels)
+        return replace(person, keypoints=back(person.keypoints), region=region, depth=depth)
 
 
 class OneEuro:
@@ -174,8 +175,14 @@ class RegionFollower:
         if person.region is None:
             return person
         size = max(2 * float(np.hypot(*(person.region[1] - person.region[0]))), 1.0)
-        joints = self._joints(time, person.keypoints, size)
-        return replace(person, keypoints=joints, region=self._circle(time, person.region, size))
+        depth = () if person.depth is None else (person.depth,)
+        joints = self._joints(time, np.column_stack([person.keypoints, *depth]), size)
+        return replace(
+            person,
+            keypoints=joints[:, :2],
+            region=self._circle(time, person.region, size),
+            depth=joints[:, 2] if depth else None,
+        )
 
     def _search(self, frame: np.ndarray) -> Person | None:
         """The person in a frame of which nothing is known; nobody is found who is not confirmed."""

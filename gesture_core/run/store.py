@@ -68,10 +68,13 @@ def write_keypoints(path: Path, sequences: Sequence[PoseSequence], facts: Mappin
     times = np.concatenate([np.empty(0), *(s.times for s in sequences)])
     points = np.concatenate([np.empty((0, joints, 2)), *(s.keypoints for s in sequences)])
     scores = np.concatenate([np.empty((0, joints)), *(s.scores for s in sequences)])
-    values = np.concatenate([points, scores[..., None]], axis=2).reshape(len(points), 3 * joints)
+    deep = bool(sequences) and all(s.depth is not None for s in sequences)
+    depth = [s.depth[..., None] for s in sequences if deep and s.depth is not None]
+    parts = [points, scores[..., None], *([np.concatenate(depth)] if deep else [])]
+    values = np.concatenate(parts, axis=2).reshape(len(points), joints * (4 if deep else 3))
     columns = {
         column: np.ascontiguousarray(array.astype(_TYPES.get(column, np.float32)))
-        for column, array in zip(_columns(name), (person, times, *values.T), strict=True)
+        for column, array in zip(_columns(name, deep), (person, times, *values.T), strict=True)
     }
     header = {
         "format": FORMAT,
@@ -81,6 +84,7 @@ def write_keypoints(path: Path, sequences: Sequence[PoseSequence], facts: Mappin
             for s in sequences
         ],
         "facts": dict(facts),
+        **({"depth": True} if deep else {}),
     }
     header["checksum"] = _checksum(header, columns)
     arrays = {key: pa.array(column, from_pandas=True) for key, column in columns.items()}
@@ -121,7 +125,8 @@ def _read(path: Path, source: str) -> Stored:
         header = json.loads((parquet.schema_arrow.metadata or {})[_METADATA])
         if header["format"] != FORMAT:
             raise ValueError(f"format {header['format']}, this version reads {FORMAT}")
-        names = _columns(header["skeleton"])
+        deep = bool(header.get("depth"))
+        names = _columns(header["skeleton"], deep)
         table = parquet.read(columns=names)
     columns = {
         name: table.column(name).to_numpy().astype(_TYPES.get(name, np.float32), copy=False) for name in names
@@ -129,7 +134,8 @@ def _read(path: Path, source: str) -> Stored:
     if _checksum(header, columns) != header["checksum"]:
         raise ValueError("the content does not match its checksum")
     person, times, *values = columns.values()
-    joints = np.stack(values, axis=1).reshape(len(times), len(values) // 3, 3)
+    parts = 4 if deep else 3
+    joints = np.stack(values, axis=1).reshape(len(times), len(values) // parts, parts)
     sequences = []
     for entry in header["people"]:
         rows, size = person == int(entry["person"]), entry["frame_size"]
@@ -143,14 +149,15 @@ def _read(path: Path, source: str) -> Stored:
                 int(entry["person"]),
                 source,
                 {str(key): str(value) for key, value in entry["provenance"].items()},
+                joints[rows, :, 3] if deep else None,
             )
         )
     return Stored(sequences, dict(header["facts"]))
 
 
-def _columns(name: str) -> list[str]:
-    joints = skeleton(name).joints
-    return ["person", "time", *(f"{joint}_{part}" for joint in joints for part in ("x", "y", "score"))]
+def _columns(name: str, deep: bool) -> list[str]:
+    parts = ("x", "y", "score", *(["z"] if deep else []))
+    return ["person", "time", *(f"{joint}_{part}" for joint in skeleton(name).joints for part in parts)]
 
 
 def _checksum(header: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> str:

@@ -32,6 +32,7 @@ def landmarks(points: np.ndarray, visibility: float = 2.0) -> np.ndarray:
     """The network's output (1, 195) for 33 points of the square."""
     rows = np.zeros((39, 5), np.float32)
     rows[:33, :2] = points + 0.5
+    rows[:33, 2] = 10 * np.arange(33)
     rows[:33, 3] = visibility
     rows[33:35, :2] = (128.5, 120.5), (128.5, 20.5)
     return rows.reshape(1, -1)
@@ -46,6 +47,7 @@ def test_its_outputs_are_recognised_and_decoded() -> None:
     ((person,),) = decode(outputs, contract, (256, 256), "single", 0.05)
     np.testing.assert_allclose(person.keypoints, points, atol=1e-3)
     np.testing.assert_allclose(person.scores, 1 / (1 + np.exp(-2.0)), atol=1e-5)
+    assert person.depth is not None and person.depth[3] == 30
     assert person.presence == pytest.approx(0.7) and person.region is not None
     np.testing.assert_allclose(person.region, [(128, 120), (128, 20)])
 
@@ -89,6 +91,8 @@ def test_people_stand_upright_in_their_square() -> None:
     head = region.back(Person(np.array([[127.5, 60.0]]), np.ones(1), region=np.zeros((2, 2))), 256)
     assert head.keypoints[0, 0] > 120 and head.keypoints[0, 1] == pytest.approx(100, abs=0.5)
     assert head.region is not None and np.linalg.norm(head.region[0] - middle) > 100
+    deep = Region(0, 0, 512).back(Person(np.zeros((1, 2)), np.ones(1), depth=np.array([30.0])), 256)
+    assert deep.depth is not None and deep.depth[0] == 60  # in pixels of the frame, as x and y
     assert Region.around(middle, middle) is None
     for wrong in (np.nan, np.inf, -np.inf, 1e12):
         assert Region.around(middle, np.array([wrong, 30.0])) is None
@@ -259,6 +263,8 @@ def test_it_sees_the_person_of_a_clip_where_its_publisher_does(blazepose: ModelF
         frames = [frame for frame, _ in zip(video, range(12), strict=False)]
     (pose,) = extract_poses(frames, blaze(blazepose))
     assert pose.skeleton == "blazepose33" and pose.frames_with_pose == len(frames)
+    nose, ear = (BLAZEPOSE33.index(joint) for joint in ("nose", "left_ear"))
+    assert pose.depth is not None and (pose.depth[:, nose] < pose.depth[:, ear]).all()  # they face the camera
     with np.load(folder / "landmarks_mediapipe33.npz", allow_pickle=False) as archive:
         theirs = archive["S2__d__slowdown_1_1m_upper"][: len(frames), :, :2] * (640, 480)
     joints = [
