@@ -102,8 +102,8 @@ class PoseSequence:
     provenance : mapping
         What made the keypoints: backend, model hash, reader.
     depth : (T, J) float32, optional
-        How far each joint is behind the middle of the hips, in the unit of the keypoints, where the network says
-        so; NaN where the joint is missing. No preset uses it.
+        How far each joint is behind the middle of the hips, in the unit of the keypoints, where the network
+        says so; NaN where the joint is missing. No preset uses it.
     """
 
     keypoints: np.ndarray

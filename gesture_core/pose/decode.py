@@ -25,8 +25,8 @@ LEAST_SCORE = 0.2
 """Of a box, and of a person's joints on average, where several people are told apart."""
 _FLOOR = 1e-4
 _AROUND = 3
-"""Cells of BlazePose's heat maps to each side of a landmark, and the height of one of them from which they know
-better than the landmark: as in MediaPipe."""
+"""Cells of BlazePose's heat maps to each side of a landmark that are looked at, and, below, the height of one
+of them from which they know better than the landmark: as in MediaPipe."""
 _HEAT = 0.5
 
 

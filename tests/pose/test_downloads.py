@@ -247,7 +247,9 @@ def test_a_broken_download_goes_on_by_itself_and_when_asked_again(flaky: str) ->
     assert fetch(flaky) == (Flaky.content, 512_000)
     assert len(Flaky.asked) == 3 and Flaky.asked == sorted(set(Flaky.asked)) and left() == []
     Flaky.after = 100_000
-    with pytest.raises(ModelError, match=r"E_MODEL_URL.*kept: \d+ bytes: the same command goes on from there"):
+    with pytest.raises(
+        ModelError, match=r"E_MODEL_URL.*kept: \d+ bytes: the same command goes on from there"
+    ):
         fetch(flaky)
     (part,) = left()
     there = part.stat().st_size

@@ -16,9 +16,9 @@ from gesture_core.pose.contract import BLAZEPOSE, Tensor, infer_contract
 from gesture_core.pose.decode import decode
 from gesture_core.pose.extract import extract_poses
 from gesture_core.pose.follow import PAUSE
+from gesture_core.pose.live import LivePose
 from gesture_core.pose.models import ModelFile
 from gesture_core.pose.network import NetworkBackend
-from gesture_core.pose.live import LivePose
 from gesture_core.pose.region import CIRCLE, JOINTS, OneEuro, Region, RegionFollower
 from gesture_core.skeletons import BLAZEPOSE33, COCO18, Skeleton
 from gesture_core.video import open_video
