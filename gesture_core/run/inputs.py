@@ -8,7 +8,7 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
@@ -37,9 +37,9 @@ FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %
 """What to try with a picture."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Input:
-    """One thing to classify, or one example.
+    """One thing to classify, or one example. There may be a million of them.
 
     Attributes
     ----------
@@ -62,6 +62,8 @@ class Input:
         From `files.stamp`, when a run began; empty where the file could not be looked at.
     sha256 : str
         Content hash of an example, at that time; empty where it could not be read.
+    key : bytes
+        Identity inside a run: the exact bytes of the absolute path, and the member.
     """
 
     path: Path
@@ -75,16 +77,16 @@ class Input:
     remedy: str = ""
     stamp: str = ""
     sha256: str = ""
+    key: bytes = field(init=False, repr=False, compare=False)
 
-    @property
-    def key(self) -> bytes:
-        """Identity inside a run: the exact bytes of the absolute path, and the member."""
-        return self.place + b"\0" + self.member.encode("utf-8", "surrogatepass")
+    def __post_init__(self) -> None:
+        place = os.fsencode(os.path.abspath(self.path))  # noqa: PTH100 - ten times as fast as pathlib
+        object.__setattr__(self, "key", place + b"\0" + self.member.encode("utf-8", "surrogatepass"))
 
     @property
     def place(self) -> bytes:
         """The exact bytes of the absolute path."""
-        return os.fsencode(os.path.normpath(self.path.absolute()))
+        return self.key.partition(b"\0")[0]
 
     def error(self) -> InputError:
         """Why it is broken, as an error."""
