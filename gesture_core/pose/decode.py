@@ -182,7 +182,7 @@ def _finer(places: np.ndarray, maps: np.ndarray) -> np.ndarray:
     from scipy.special import expit
 
     high, wide = maps.shape[1:]
-    inside = ((places >= 0) & (places < (wide, high))).all(axis=1)  # NaN is not
+    inside = np.asarray(((places >= 0) & (places < (wide, high))).all(axis=1))  # NaN is not
     x, y = np.where(inside[:, None], places, 0).astype(int).T[..., None, None]
     steps = np.arange(2 * _AROUND + 1)
     framed = np.pad(maps, ((0, 0), (_AROUND, _AROUND), (_AROUND, _AROUND)), constant_values=-np.inf)
