@@ -73,6 +73,9 @@ def test_depth_follows_its_joints() -> None:
     np.testing.assert_array_equal(body.depth[:, COCO18.index("left_wrist")], depth[:, wrist])
     shoulders = [BLAZEPOSE33.index(f"{side}_shoulder") for side in ("left", "right")]
     np.testing.assert_array_equal(body.depth[:, COCO18.index("neck")], depth[:, shoulders].mean(axis=1))
+    solid = pose.solid
+    assert solid.depth is None and solid.keypoints.shape == (4, 33, 3) and solid.keypoints[2, 3, 2] == 69
+    np.testing.assert_array_equal(solid.flat.keypoints, pose.keypoints)
     with pytest.raises(KeypointError, match=r"E_KEYPOINTS_SHAPE.*depth"):
         PoseSequence(points, np.ones((4, 33)), np.arange(4.0), "blazepose33", depth=depth[:3])
 

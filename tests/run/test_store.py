@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,17 +53,6 @@ def test_a_round_trip_is_exact(tmp_path: Path, skeleton: str, joints: int) -> No
         )
         assert a.provenance == b.provenance
     assert StoreReader().accepts(path)
-
-
-def test_depth_is_kept_where_a_network_gave_it(tmp_path: Path) -> None:
-    deep = [replace(pose, depth=np.arange(len(pose) * 18).reshape(-1, 18)) for pose in people()]
-    write_keypoints(tmp_path / "k.parquet", deep, FACTS)
-    for a, b in zip(deep, read_keypoints(tmp_path / "k.parquet").sequences, strict=True):
-        np.testing.assert_array_equal(a.keypoints, b.keypoints)
-        assert a.depth is not None and b.depth is not None and np.isnan(a.depth).any()
-        np.testing.assert_array_equal(a.depth, b.depth)
-    write_keypoints(tmp_path / "k.parquet", [deep[0], people()[1]], FACTS)  # of both or of none
-    assert [pose.depth for pose in read_keypoints(tmp_path / "k.parquet").sequences] == [None, None]
 
 
 def test_nobody_is_a_valid_file(tmp_path: Path) -> None:
