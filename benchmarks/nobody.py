@@ -26,10 +26,7 @@ def nobody(count: int, seed: int = 0) -> list[np.ndarray]:
 
 
 def held_out(count: int, seed: int = 1) -> list[np.ndarray]:
-    """As many of other kinds, which neither the training of `compact` nor the choice of a limit has seen.
-
-    The limit of `compact` was chosen on seed 1, and is measured on seed 2.
-    """
+    """As many of other kinds, which the training of `compact` has not seen; nothing was chosen on seed 2."""
     kinds = (_moire, _mosaic, _shelves, _chart, _tree, _contours, _street, _leaves)
     return _drawn(kinds, count, seed)
 

@@ -244,7 +244,6 @@ def presence(shared: Path, student: Extractor, every: int, drawn: int) -> list[G
         pose = student.frames(video, SPARSE)
         lost, total = lost + len(pose) - pose.frames_with_pose, total + len(pose)
     found, frames = 0, 0
-    # Seed 2: the limit of compact was chosen on seed 1 of the second and the third set.
     sets = {
         "drawn": nobody(drawn),
         "of other kinds": held_out(drawn, 2),

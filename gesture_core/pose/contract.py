@@ -77,8 +77,6 @@ class ModelContract:
         Of a network that does not say itself whether anybody is there: the weights of a logistic regression
         on 1, the confidence in the upper body (`gesture_core.pose.follow.Anatomy`), and the share of the
         joints that are found. Empty: the network says so, or everything that it finds counts.
-    least_presence : float
-        Probability of being a person below which somebody is nobody, unless the user sets another.
     licence, attribution : str
         Of the weights.
 
@@ -106,7 +104,6 @@ class ModelContract:
     score: float = 0.1
     steady: bool = True
     presence: tuple[float, ...] = ()
-    least_presence: float = 0.5
     licence: str = ""
     attribution: str = ""
 
@@ -143,7 +140,6 @@ class ModelContract:
         _numbers("batch", [1 if self.batch is None else self.batch], int, 1, 4096)
         _numbers("crop", [self.crop], float, 0.5, 4)
         _numbers("score", [self.score], float, 0, 1)
-        _numbers("least_presence", [self.least_presence], float, 0, 1)
         joints = _JOINTS.get(self.layout, self.skeleton)
         if self.skeleton != joints:
             raise ModelError(f"layout {self.layout} has the skeleton {joints}", code="E_MODEL_CONTRACT")

@@ -130,8 +130,8 @@ class NetworkBackend(ABC):
     steady : bool, optional
         Whether the limbs of a video are chosen for all frames together (`gesture_core.pose.temporal`); as the
         contract says by default.
-    presence : float, optional
-        Least probability that somebody is a person at all; the contract's figure by default.
+    presence : float
+        Least probability that somebody is a person at all.
     device : str
         What it runs on, one of `devices`; ``auto`` is the first of them.
 
@@ -156,12 +156,12 @@ class NetworkBackend(ABC):
         batch_size: int = 8,
         threads: int = 0,
         steady: bool | None = None,
-        presence: float | None = None,
+        presence: float = 0.5,
         device: str = "auto",
     ) -> None:
         if (
             not 0 <= (score or 0) <= 1
-            or not 0 <= (presence or 0) <= 1
+            or not 0 <= presence <= 1
             or batch_size < 1
             or threads < 0
             or (height is not None and height < 32)
@@ -174,6 +174,7 @@ class NetworkBackend(ABC):
         self.model = model
         self.height = height
         self.threads = threads
+        self.presence = presence
         first = next((here[0] for here in self.devices().values()), "cpu")
         self.device = first if device == "auto" else device
         # The bytes that are checked are the bytes that run: the file is not opened again.
@@ -196,7 +197,6 @@ class NetworkBackend(ABC):
             (self.contract.input_size or (256, 256))[0] if self.contract.layout == "blazepose" else 0
         )
         self.score = self.contract.score if score is None else score
-        self.presence = self.contract.least_presence if presence is None else presence
         self.batch_size = self.contract.batch or batch_size
         self.skeleton = self.contract.skeleton
         self._anatomy = Anatomy(skeleton(self.skeleton))
@@ -208,7 +208,7 @@ class NetworkBackend(ABC):
             "model": model.name,
             "model_sha256": model.sha256,
             "score": repr(self.score),
-            "presence": repr(self.presence),
+            "presence": repr(presence),
             "height": str(self.contract.input_size[0] if self.contract.input_size else free),
         }
 
