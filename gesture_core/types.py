@@ -135,9 +135,9 @@ class PoseSequence:
                 code="E_KEYPOINTS_SHAPE",
             )
         depth = None if self.depth is None else _single(self.depth)
-        if depth is not None and depth.shape != (frames, joints):
+        if depth is not None and (depth.shape != (frames, joints) or points.shape[2] == 3):
             raise KeypointError(
-                f"depth {depth.shape} does not fit {frames} frames of {joints} joints",
+                f"depth {depth.shape} does not fit keypoints of shape {points.shape}",
                 subject=self.source,
                 code="E_KEYPOINTS_SHAPE",
             )
