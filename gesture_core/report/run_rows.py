@@ -17,7 +17,8 @@ from gesture_core.files import printable
 from gesture_core.report.alignments import alignment_record
 from gesture_core.report.row_previews import Preview, RowPreviews
 from gesture_core.run.extract import Listener, people_of
-from gesture_core.run.inputs import GONE, Input, look_again
+from gesture_core.run.found_again import GONE, look_again
+from gesture_core.run.inputs import Input
 from gesture_core.run.labels import label_inputs
 from gesture_core.run.results import open_results
 from gesture_core.run.store import Extracted
