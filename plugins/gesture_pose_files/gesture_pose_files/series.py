@@ -24,6 +24,9 @@ from gesture_pose_files.series_streams import BEGAN, files_of, in_step
 from gesture_pose_files.table import number_in, numbers_of, rows_of, split_header
 
 _LOOKED_AT = 20
+_STILL = 10
+"""Samples of one value from which on a channel is noted as never changing."""
+_SHOWN = 5
 _MOST_CELLS = 1 << 28
 SUFFIXES = (".csv", ".tsv", ".parquet", ".npy", ".npz", ".ts", ".arff")
 """Of the files that are read."""
@@ -176,6 +179,7 @@ class SeriesReader:
             scale = self.per_second or time_scale(name) or 1.0
             times = seconds(given, scale, source)
             provenance[BEGAN] = repr(float(given[0]) / scale)
+        notes = [*notes, *_odd(values, channels)]
         if notes:
             provenance["notes"] = "; ".join(notes)
         return Recording(values, times, channels, source, provenance)
@@ -298,6 +302,19 @@ class SeriesReader:
             columns.pop("person", None)
         left_out = [name for name in kinds if name.removeprefix(_STORED) not in columns and name != "person"]
         return self._table(columns, source, left_out, True)
+
+
+def _odd(values: np.ndarray, channels: Sequence[str]) -> list[str]:
+    """Clauses about channels that hold nothing, or one value all the time, as those of a dead sensor do."""
+    there = np.isfinite(values)
+    low, high = np.where(there, values, np.inf).min(axis=0), np.where(there, values, -np.inf).max(axis=0)
+    dead = (low == high) & (there.sum(axis=0) >= _STILL)
+    said = (("holds no value in", ~there.any(axis=0)), ("holds one value alone in", dead))
+    return [
+        f"{what} {', '.join(np.array(channels)[which][:_SHOWN])}" + (", …" if which.sum() > _SHOWN else "")
+        for what, which in said
+        if which.any()
+    ]
 
 
 def _dates(cells: Sequence[str], source: str) -> np.ndarray:
