@@ -42,6 +42,11 @@ from gesture_core.spot.spotter import Spotter
 from gesture_core.spot.watch import Seen, Watch, WatchSummary
 from gesture_core.types import Event, PoseSequence
 
+_ROOM = 100
+_SECONDS = 5.0
+_WAITS = (0.5, 2.0)
+"""Seconds before a second and a third attempt."""
+
 
 def watch(
     source: str | os.PathLike[str] | int,
@@ -239,12 +244,6 @@ def fit_spotter(
     if spotter.examples.note:
         warnings.warn(spotter.examples.note, stacklevel=2)
     return spotter
-
-
-_ROOM = 100
-_SECONDS = 5.0
-_WAITS = (0.5, 2.0)
-"""Seconds before a second and a third attempt."""
 
 
 class _Here(urllib.request.HTTPRedirectHandler):
