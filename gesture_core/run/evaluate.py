@@ -238,7 +238,7 @@ def _load(
         hashes[number] = found.sha256
         assumed.update([found.assumed] if found.assumed else [])
         if found.code:
-            poses[number] = GestureError(found.message, subject=item.name, code=found.code)
+            poses[number] = found.error(item.name)
         elif people:
             poses[number] = people[0]
         else:
