@@ -284,12 +284,12 @@ def stamp(path: Path) -> str:
 
     Raises OSError where the path cannot be looked at.
     """
-    if path.is_dir():
+    found = path.stat()
+    if modes.S_ISDIR(found.st_mode):
         digest = hashlib.sha256()
         for entry in _regular_files(path):
             digest.update(os.fsencode(entry.name) + b"\0" + stamp(entry).encode())
         return digest.hexdigest()
-    found = path.stat()
     return json.dumps((found.st_size, found.st_mtime_ns, found.st_ctime_ns))
 
 

@@ -285,11 +285,10 @@ class Walk:
             self._been.add(identity)
             entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
             folders = set()
-            for entry in entries:
-                with suppress(
-                    OSError
-                ):  # a link into a folder that is closed to us; it is a row like any other
-                    folders |= {entry} if entry.is_dir() else set()
+            with os.scandir(folder) as found:  # which knows most folders without a look at them
+                for one in found:
+                    with suppress(OSError):  # a link into a folder that is closed to us is a row as any other
+                        folders |= {folder / one.name} if one.is_dir() else set()
         except OSError as error:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
