@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
-from gesture_core.files import made_up, printable, unreadable
+from gesture_core.files import look_at, made_up, printable
 from gesture_core.records import Job
 from gesture_core.run.addresses import drop, entries, fetch, is_address, local_path, shown
 from gesture_core.run.readers import Readers
@@ -315,10 +315,11 @@ class Walk:
 
     def _file(self, path: Path, *, say_why: bool = True) -> Iterator[Input]:
         name = printable(os.fspath(path))
-        if fault := unreadable(path):
+        stamp, fault = look_at(path)
+        if fault:
             yield _broken(path, "E_READ", *fault)
         elif self._is_video(path):
-            yield Input(path, name, "video")
+            yield Input(path, name, "video", stamp=stamp)
         else:
             reader, trouble = self._readers.of(path)
             if reader:

@@ -222,7 +222,7 @@ def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:
 
 def _stamped(item: Input) -> Input:
     """With the file's stamp; without one, where it cannot be looked at, it never counts as known."""
-    if item.address:  # listed with it
+    if item.stamp:  # it was found with it
         return item
     with suppress(OSError):
         return replace(item, stamp=stamp(item.path))
