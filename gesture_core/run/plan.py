@@ -113,7 +113,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         settings (E_CONFIG_CHANGED). The results are as they were.
     """
     settings, shard = request.settings, Shard.parse(request.shard)
-    registry().find("engine", request.engine)
+    registry().load("engine", request.engine)
     found = discover(request.sources, avoid=request.out, assistant=assistant)
     if not found:
         raise InputError(
