@@ -180,6 +180,8 @@ class KeypointExtractor:
                     frames, backend, settings.pose.people, follow=settings.pose.follow, source=str(path)
                 )
             report = video.report
+        if settings.keypoints.depth:
+            sequences = [sequence.solid for sequence in sequences]
         others = sum(int(sequence.provenance.get("others", 0)) for sequence in sequences)
         frames.flush()
         return sequences, {
