@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,6 +50,30 @@ def find_inputs(
                     code="E_NOT_FOUND",
                 )
     return found
+
+
+def input_called(known: Iterable[str], name: str) -> str:
+    """The input called ``name`` among those of a run, or the only one whose name ends so, or holds it.
+
+    Raises
+    ------
+    InputError
+        ``E_NOT_FOUND`` where there is none, or several.
+    """
+    names = dict.fromkeys(known)
+    found = (
+        [one for one in names if one == name]
+        or [one for one in names if one.endswith(name)]
+        or [one for one in names if name in one]
+    )
+    if len(found) != 1:
+        some = ", ".join((found or list(names))[:5])
+        raise InputError(
+            f"{name!r} could be any of {len(found)} inputs" if found else f"no input of the run is {name!r}",
+            remedy=f"one of {some}{' …' if len(found or names) > 5 else ''}",
+            code="E_NOT_FOUND",
+        )
+    return found[0]
 
 
 def _path(name: str, place: str) -> Path:
