@@ -95,8 +95,8 @@ def render(
 def _found_again(run: Path, name: str) -> tuple[Path, list[Row], Settings]:
     """Where an input of a run is, its rows, and the settings of the run."""
     from gesture_core.files import content_sha256
-    from gesture_core.run.found_again import find_inputs, input_called
-    from gesture_core.run.results import open_results
+    from gesture_core.run.inputs import find_inputs
+    from gesture_core.run.results import input_called, open_results
     from gesture_core.settings import settings_from_dict
 
     with open_results(run) as results, results.failures():
@@ -114,7 +114,7 @@ def _found_again(run: Path, name: str) -> tuple[Path, list[Row], Settings]:
 
 
 def _tag(person: int, rows: Sequence[Row]) -> Tag:
-    """What is written above a person at a time: the label of the whole input, or of the event of that time."""
+    """What is written above a person at a time: the label of all of the input, or of the event then."""
     own = [row for row in rows if row.person == person]
 
     def text(time: float) -> str:

@@ -106,7 +106,8 @@ def overlay(
         The video that ``poses`` were extracted from, once more.
     poses : sequence of PoseSequence
     tags : sequence of callable, optional
-        What to write above each of them at a time, besides the time; each then has a box in a colour of their own.
+        What to write above each of them at a time, besides the time; each then has a box in a colour of
+        their own.
     """
     places = [iter(zip(pose.times.tolist(), pose.keypoints, strict=True)) for pose in poses]
     ahead = [next(place, None) for place in places]

@@ -51,7 +51,7 @@ class CocoWriter:
             {
                 "info": {"description": "gestures that gesture-core recognised"},
                 "images": [{"id": number, "file_name": name} for name, number in images.items()],
-                "categories": [{"id": n, "name": name, "supercategory": "gesture"} for name, n in named.items()],
+                "categories": [{"id": number, "name": name} for name, number in named.items()],
                 "annotations": annotations,
                 "unlabelled": unlabelled,
             },

@@ -14,7 +14,7 @@ from typing import Any
 
 from gesture_core.errors import ConfigError, GestureError
 from gesture_core.report.run_page import DATA, INDEX
-from gesture_core.run.answers import NONE, Answers
+from gesture_core.run.review import NONE, Answers
 
 _KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".mp4": "video/mp4"} | {
     ".svg": "image/svg+xml"

@@ -6,7 +6,7 @@ import errno
 import glob
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -196,7 +196,7 @@ class _Walk:
         """Inputs of something that the user named: a path, a glob or a manifest."""
         entries = None
         if path.suffix.lower() in _MANIFESTS and path.is_file():
-            from gesture_core.run.manifests import read_manifest
+            from gesture_core.run.tables import read_manifest
 
             entries = read_manifest(path)
         if entries is not None:
@@ -340,3 +340,50 @@ def _identity(folder: Path) -> tuple[int, int]:
 
 def _is_video(path: Path) -> bool:
     return path.suffix.lower() in VIDEO_SUFFIXES
+
+
+def find_inputs(
+    places: Mapping[str, str | os.PathLike[str] | None], settings: Settings
+) -> dict[str, Input | GestureError]:
+    """The input of each name, or why there is none.
+
+    Parameters
+    ----------
+    places : mapping
+        Absolute paths by the names of inputs, as the run knows them; None where it does not.
+    settings : Settings
+        Of the run.
+    """
+    found: dict[str, Input | GestureError] = {}
+    looked: dict[Path, dict[str, Input]] = {}
+    with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        for name, place in places.items():
+            path, member = _path(name, os.fspath(place or "")), name.partition("::")[2]
+            try:
+                if path not in looked:
+                    every = discover([path], assistant=assistant)
+                    looked[path] = {_spelled(item.path, printable(item.member)): item for item in every}
+                item = looked[path].get(_spelled(path, member)) or looked[path][_spelled(path, "")]
+                readable = item.kind in ("video", "keypoints") and printable(item.member) == member
+                fault, code = item.fault or "is not what the run found there", item.code or "E_CHANGED"
+                found[name] = item if readable else replace(item, name=name, fault=fault, code=code).error()
+            except (GestureError, KeyError):
+                found[name] = InputError(
+                    "is not where the run found it",
+                    subject=name,
+                    remedy="to put it back",
+                    code="E_NOT_FOUND",
+                )
+    return found
+
+
+def _path(name: str, place: str) -> Path:
+    """Where an input is: at its place, or, after a move, where its name leads from here."""
+    typed = Path(name.partition("::")[0])
+    return typed if not place or (typed.exists() and not Path(place).exists()) else Path(place)
+
+
+def _spelled(path: Path, member: str) -> str:
+    """The same for all spellings of an input."""
+    return f"{path.resolve()}::{member}"

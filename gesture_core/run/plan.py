@@ -29,7 +29,7 @@ from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 
 if TYPE_CHECKING:
-    from gesture_core.run.keypoint_files import KeypointFiles
+    from gesture_core.run.export import KeypointFiles
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     done = {} if again else results.done(retry_errors=request.retry_errors)
     files = None
     if not examples:
-        from gesture_core.run.keypoint_files import KeypointFiles
+        from gesture_core.run.export import KeypointFiles
 
         files = KeypointFiles(request.out, results, inputs, request.sources)
     lacking = files.lacking() if files else set()

@@ -9,13 +9,13 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gesture_core.errors import ConfigError, RunFolderError
+from gesture_core.errors import ConfigError, InputError, RunFolderError
 from gesture_core.records import COLUMNS, Row
 
 if TYPE_CHECKING:
@@ -361,3 +361,27 @@ def _has_begun(folder: Path) -> bool:
         return True
     except RunFolderError as error:
         return error.code != "E_NO_RUN"
+
+
+def input_called(known: Iterable[str], name: str) -> str:
+    """The input called ``name`` among those of a run, or the only one whose name ends so, or holds it.
+
+    Raises
+    ------
+    InputError
+        ``E_NOT_FOUND`` where there is none, or several.
+    """
+    names = dict.fromkeys(known)
+    found = (
+        [one for one in names if one == name]
+        or [one for one in names if one.endswith(name)]
+        or [one for one in names if name in one]
+    )
+    if len(found) != 1:
+        some = ", ".join((found or list(names))[:5])
+        raise InputError(
+            f"{name!r} could be any of {len(found)} inputs" if found else f"no input of the run is {name!r}",
+            remedy=f"one of {some}{' …' if len(found or names) > 5 else ''}",
+            code="E_NOT_FOUND",
+        )
+    return found[0]

@@ -156,7 +156,8 @@ def test_the_command_renders_a_video(
 def test_tags_say_who_it_is_and_when() -> None:
     given = frames((240, 320))
     plain = [picture for _, picture in overlay(given, [pose()])]
-    tagged = [picture for _, picture in overlay(given, [pose(), pose(first=3)], [lambda _: "0 wave 0.41", lambda _: "1 Grüße"])]
+    tags = [lambda _: "0 wave 0.41", lambda _: "1 Grüße"]
+    tagged = [picture for _, picture in overlay(given, [pose(), pose(first=3)], tags)]
     assert all((one != other).any() for one, other in zip(plain, tagged, strict=True))
     green = (np.array(tagged[0]) == (115, 158, 0)).all(axis=2)
     assert green.any() and not (np.array(plain[0]) == (115, 158, 0)).all(axis=2).any()

@@ -1,4 +1,4 @@
-"""The rows of a run as data sets of other tools: everything is there, and reads back as those tools read it."""
+"""The rows of a run as data sets of other tools: everything is there, as those tools read it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROWS = [
     Row("a.mp4", "00", 0, "wave", 0.25, 0.5, (("w/1.mp4", "wave", 0.25),), "ok", start=0.5, end=2.0,
         box=(10.0, 20.0, 110.0, 220.0), frames_read=40, seconds=2.5, selected=("nose_x",)),
     Row("a.mp4", "00", 1, None, 3.0, 0.1, (), "rejected", "E_REJECTED", "too far", start=0.0, end=1.0),
-    Row("long.mp4", "01", 0, "clap", 0.4, None, (), "ok", start=3.0, end=4.5, event=1, score=0.75, seconds=60),
+    Row("long.mp4", "01", 0, "clap", 0.4, None, (), "ok", start=3.0, end=4.5, event=1, score=0.75),
     Row('<img onerror="x">.mp4', status="skipped", code="E_NOT_AN_INPUT", message="neither"),
 ]  # fmt: skip
 RECORDS = [row.as_record() for row in ROWS]

@@ -26,12 +26,11 @@ from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import InputError
 from gesture_core.report.review_server import ReviewServer
 from gesture_core.report.run_page import write_report
-from gesture_core.run.answers import NONE, Answered, Answers, write_answers
 from gesture_core.run.archive import classify_archive, load_poses
-from gesture_core.run.corrections import add_corrections, choose
-from gesture_core.run.manifests import read_labels, read_manifest
 from gesture_core.run.results import FITTED, open_results
+from gesture_core.run.review import NONE, Answered, Answers, add_corrections, choose, write_answers
 from gesture_core.run.store import write_keypoints
+from gesture_core.run.tables import read_labels, read_manifest
 
 __all__ = ["classified"]
 FACTS: dict[str, Any] = {
@@ -232,7 +231,8 @@ def test_a_key_a_clip_and_the_next_one_is_there(server: ReviewServer) -> None:
         typing.send_keys("2j a <b>", keys.Keys.ENTER)
         until(lambda: server.answers.given().get(order[2]) == "2j a <b>")
         assert driver.execute_script("return gesture.state.chosen.index") == order[3]
-        made = "[...document.querySelectorAll('#stage .answer-button')].find((one) => one.textContent.endsWith('2j a <b>'))"
+        made = "[...document.querySelectorAll('#stage .answer-button')].find((one) => /2j a <b>$/.test("
+        made += "one.textContent))"
         press(driver, driver.execute_script(f"return {made}.querySelector('kbd').textContent"))
         until(lambda: server.answers.given().get(order[3]) == "2j a <b>")
         driver.get(server.address)

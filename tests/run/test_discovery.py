@@ -15,7 +15,7 @@ from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import printable
 from gesture_core.run.inputs import discover
 from gesture_core.run.labels import label_inputs
-from gesture_core.run.manifests import read_labels
+from gesture_core.run.tables import read_labels
 
 
 def names(*sources: str | Path, avoid: Path | None = None) -> list[str]:
