@@ -15,9 +15,10 @@ from gesture_core.files import replacing
 
 _FACTS = ("status", "code", "person", "event", "start", "end", "distance", "margin")
 """What both JSON files keep of a row beside its label, under the names of the columns."""
-_INTEGERS = ("person", "event", "frames_declared", "frames_read", "frames_looked_at", "frames_with_pose")
-_INTEGERS += ("attempts",)
-_REALS = ("start", "end", "score", "distance", "margin", "seconds")
+_INTEGERS = frozenset(
+    "person event frames_declared frames_read frames_looked_at frames_with_pose attempts".split()
+)
+_REALS = frozenset("start end score distance margin seconds".split())
 
 
 class CocoWriter:
@@ -33,7 +34,8 @@ class CocoWriter:
         """Write ``rows`` to ``path``."""
         images: dict[str, int] = {}
         named: dict[str, int] = {}
-        annotations, unlabelled = [], []
+        annotations: list[dict[str, Any]] = []
+        unlabelled: list[dict[str, Any]] = []
         for row in rows:
             image = images.setdefault(row["input"], len(images) + 1)
             facts = {"image_id": image} | {name: row[name] for name in _FACTS}
