@@ -1,27 +1,23 @@
-"""Keypoint arrays in MATLAB's files: version 5 to 7.2 by SciPy, 7.3, which is HDF5, by h5py."""
+"""Keypoint arrays in MATLAB's files, of version 5 to 7.2, and of 7.3, which is HDF5 (h5py)."""
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from math import prod
 from pathlib import Path
-
-import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.arrays import KEYPOINTS, RATES
-from gesture_pose_files.files import COPY_AGAIN, MAX_ARRAY_BYTES, head_of, open_keypoints
+from gesture_pose_files.files import MAX_LIST_BYTES, head_of, open_keypoints
 from gesture_pose_files.hdf5 import Loaders, arrays_in
 from gesture_pose_files.layout import sequence
+from gesture_pose_files.mat5 import variables_in
 from gesture_pose_files.reader import OneClipReader
 from gesture_pose_files.whole_body import is_known, people_in
 
-_MAX_FILE_BYTES = 1 << 30
 _ORDERS = ((0, 1, 2), (2, 0, 1), (2, 1, 0), (1, 0, 2))
 """Of the axes: frames, joints, values; and where MATLAB's users put the frames last."""
 
@@ -84,48 +80,11 @@ def _order(shape: tuple[int, ...], options: ReadOptions) -> tuple[int, ...]:
 
 @contextmanager
 def _variables(path: Path, source: str) -> Iterator[Loaders]:
-    """The numeric arrays of a file by name; what is broken in it is an E_KEYPOINTS_BROKEN."""
-    import scipy.io
-
+    """The arrays of numbers in a file by name; what is broken in it is an E_KEYPOINTS_BROKEN."""
     if b"\x89HDF" in head_of(path, 1024):
         with arrays_in(path, source) as held:
             yield held
         return
-    with open_keypoints(path, _MAX_FILE_BYTES) as file:
-        try:
-            known = {
-                name: (tuple(map(int, shape)), _loader(file, name, source))
-                for name, shape, kind in scipy.io.whosmat(file)
-                if kind in ("double", "single", "logical") or kind.startswith(("int", "uint"))
-            }
-            for name, (shape, _) in known.items():
-                if prod(shape) * 8 > MAX_ARRAY_BYTES:
-                    raise KeypointError(
-                        f"claims the shape {shape} for {name}, more than is allowed",
-                        subject=source,
-                        remedy="split it",
-                        code="E_KEYPOINTS_LIMIT",
-                    )
-            yield known
-        except (
-            ValueError, TypeError, KeyError, IndexError, OSError, EOFError, zlib.error, NotImplementedError,
-            OverflowError, MemoryError,
-        ) as error:  # fmt: skip
-            raise KeypointError(
-                f"is damaged: {str(error).splitlines()[0] if str(error) else type(error).__name__}",
-                subject=source,
-                remedy=COPY_AGAIN,
-                code="E_KEYPOINTS_BROKEN",
-            ) from error
-
-
-def _loader(file: object, name: str, source: str) -> Callable[[], np.ndarray]:
-    import scipy.io
-
-    def load() -> np.ndarray:
-        array = scipy.io.loadmat(file, variable_names=[name])[name]
-        if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiub":
-            raise KeypointError(f"has no numbers in {name}", subject=source, code="E_KEYPOINTS_FORMAT")
-        return array
-
-    return load
+    with open_keypoints(path, MAX_LIST_BYTES) as file:
+        data = file.read(MAX_LIST_BYTES + 1)
+    yield {name: (one.shape, one.array) for name, one in variables_in(data, source).items()}
