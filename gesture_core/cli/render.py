@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -51,8 +50,7 @@ def render(
         Replace a file that is there.
     """
     from gesture_core.pose.overlay import cropped, overlay, write_strip
-    from gesture_core.records import VideoLimits
-    from gesture_core.video import open_video
+    from gesture_core.video import open_configured
     from gesture_core.video.writer import can_write_video, write_video
 
     rows: list[Row] = []
@@ -78,8 +76,7 @@ def render(
         )
     looked_at, found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
-    limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-    with open_video(video, settings.pose.reader, limits, settings.options, settings.video) as frames:
+    with open_configured(video, settings) as frames:
         tags = [_tag(one.person, rows) for one in found] if rows or len(found) > 1 else ()
         if target.suffix.lower() == ".mp4":
             count = write_video(overlay(frames, found, tags), target)
@@ -96,12 +93,13 @@ def _found_again(run: Path, name: str) -> tuple[Path, list[Row], Settings]:
     """Where an input of a run is, its rows, and the settings of the run."""
     from gesture_core.files import content_sha256
     from gesture_core.run.inputs import find_inputs
-    from gesture_core.run.results import input_called, open_results
+    from gesture_core.run.results import open_results
+    from gesture_core.run.rows import input_called
     from gesture_core.settings import settings_from_dict
 
     with open_results(run) as results, results.failures():
         keyed = list(results.keyed_rows())
-        settings = settings_from_dict(json.loads(results.get("configuration") or "{}")["settings"])
+        settings = settings_from_dict(results.configuration["settings"])
     name = input_called((row.input for _, row in keyed), name)
     rows = [row for _, row in keyed if row.input == name]
     place = next(os.fsdecode(key.partition(b"\0")[0]) for key, row in keyed if row.input == name)

@@ -8,7 +8,7 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
@@ -35,11 +35,12 @@ _NAMED = 5
 """Files that a message lists."""
 FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4)"
 """What to try with a picture."""
+GONE = "is not where the run found it"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Input:
-    """One thing to classify, or one example.
+    """One thing to classify, or one example. There may be a million of them.
 
     Attributes
     ----------
@@ -62,6 +63,8 @@ class Input:
         From `files.stamp`, when a run began; empty where the file could not be looked at.
     sha256 : str
         Content hash of an example, at that time; empty where it could not be read.
+    key : bytes
+        Identity inside a run: the exact bytes of the absolute path, and the member.
     """
 
     path: Path
@@ -75,16 +78,16 @@ class Input:
     remedy: str = ""
     stamp: str = ""
     sha256: str = ""
+    key: bytes = field(init=False, repr=False, compare=False)
 
-    @property
-    def key(self) -> bytes:
-        """Identity inside a run: the exact bytes of the absolute path, and the member."""
-        return self.place + b"\0" + self.member.encode("utf-8", "surrogatepass")
+    def __post_init__(self) -> None:
+        place = os.fsencode(os.path.abspath(self.path))  # noqa: PTH100 - ten times as fast as pathlib
+        object.__setattr__(self, "key", place + b"\0" + self.member.encode("utf-8", "surrogatepass"))
 
     @property
     def place(self) -> bytes:
         """The exact bytes of the absolute path."""
-        return os.fsencode(os.path.normpath(self.path.absolute()))
+        return self.key.partition(b"\0")[0]
 
     def error(self) -> InputError:
         """Why it is broken, as an error."""
@@ -263,7 +266,7 @@ class _Walk:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
         entries = [e for e in entries if not e.name.startswith(".") and e.name not in OWN_FILES]
-        files = [entry for entry in entries if entry not in folders and not _is_video(entry)]
+        files = [entry for entry in entries if entry not in folders and not self._is_video(entry)]
         self._readers.expect(files)
         reader, fault = self._readers.of(folder, {file.suffix.lower() for file in files})
         if reader:
@@ -283,7 +286,7 @@ class _Walk:
         name = printable(os.fspath(path))
         if fault := unreadable(path):
             yield _broken(path, "E_READ", *fault)
-        elif _is_video(path):
+        elif self._is_video(path):
             yield Input(path, name, "video")
         else:
             reader, trouble = self._readers.of(path)
@@ -296,10 +299,16 @@ class _Walk:
             else:
                 yield Input(path, name, "other", fault=self._readers.why_not(path) if say_why else "")
 
+    def _is_video(self, path: Path) -> bool:
+        return not self._readers.channels and path.suffix.lower() in VIDEO_SUFFIXES
+
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""
         suffix = path.suffix.lower()
-        return suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
+        return (
+            not self._readers.channels
+            and suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
+        )
 
     def _members(self, path: Path, reader: str) -> Iterator[Input]:
         name = printable(os.fspath(path))
@@ -310,7 +319,9 @@ class _Walk:
             return
         for member in members:
             shown = f"{name}::{printable(member)}" if member else name
-            yield Input(path, shown, "keypoints", member, reader)
+            # The files of collections of series say the label of each: it stands before its number.
+            label = member.rpartition("/")[0] if self._readers.channels else ""
+            yield Input(path, shown, "keypoints", member, reader, label or None)
 
 
 def _exists(path: Path) -> bool:
@@ -347,52 +358,40 @@ def _lies_beside(path: Path) -> bool:
     return path.suffix.lower() in COMPANIONS
 
 
-def _is_video(path: Path) -> bool:
-    return path.suffix.lower() in VIDEO_SUFFIXES
+Places = Mapping[str, str | os.PathLike[str] | None]
+"""Absolute paths by the names of inputs, as a run knows them; None where it does not."""
 
 
-def find_inputs(
-    places: Mapping[str, str | os.PathLike[str] | None], settings: Settings
-) -> dict[str, Input | GestureError]:
-    """The input of each name, or why there is none.
-
-    Parameters
-    ----------
-    places : mapping
-        Absolute paths by the names of inputs, as the run knows them; None where it does not.
-    settings : Settings
-        Of the run.
-    """
+def find_inputs(places: Places, settings: Settings) -> dict[str, Input | GestureError]:
+    """The inputs of a run by their names, or why they cannot be read: what is gone costs itself only."""
     found: dict[str, Input | GestureError] = {}
-    looked: dict[Path, dict[str, Input]] = {}
-    with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant, warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        for name, place in places.items():
-            path, member = _path(name, os.fspath(place or "")), name.partition("::")[2]
-            try:
-                if path not in looked:
-                    every = discover([path], assistant=assistant)
-                    looked[path] = {_spelled(item.path, printable(item.member)): item for item in every}
-                item = looked[path].get(_spelled(path, member)) or looked[path][_spelled(path, "")]
-                readable = item.kind in ("video", "keypoints") and printable(item.member) == member
-                fault, code = item.fault or "is not what the run found there", item.code or "E_CHANGED"
-                found[name] = item if readable else replace(item, name=name, fault=fault, code=code).error()
-            except (GestureError, KeyError):
-                found[name] = InputError(
-                    "is not where the run found it",
-                    subject=name,
-                    remedy="to put it back",
-                    code="E_NOT_FOUND",
-                )
+    for name, item in look_again(places, settings).items():
+        if item is None:
+            remedy = "to put it back"
+            found[name] = InputError(GONE, subject=name, remedy=remedy, code="E_NOT_FOUND")
+        elif item.kind in ("video", "keypoints") and printable(item.member) == name.partition("::")[2]:
+            found[name] = item
+        else:
+            fault, code = item.fault or "is not what the run found there", item.code or "E_CHANGED"
+            found[name] = replace(item, name=name, fault=fault, code=code).error()
     return found
 
 
-def _path(name: str, place: str) -> Path:
-    """Where an input is: at its place, or, after a move, where its name leads from here."""
-    typed = Path(name.partition("::")[0])
-    return typed if not place or (typed.exists() and not Path(place).exists()) else Path(place)
+def look_again(places: Places, settings: Settings) -> dict[str, Input | None]:
+    """What lies where a run found its inputs, by their names; None where there is nothing.
 
-
-def _spelled(path: Path, member: str) -> str:
-    """The same for all spellings of an input."""
-    return f"{path.resolve()}::{member}"
+    After a move, an input is where its name leads from here.
+    """
+    found: dict[str, Input | None] = {}
+    looked: dict[Path, dict[str, Input]] = {}
+    with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant:
+        readers = Readers(assistant)
+        for name, place in places.items():
+            shown, _, member = name.partition("::")
+            path = Path(place or shown)
+            path = Path(shown) if not _exists(path) and _exists(Path(shown)) else path
+            if path not in looked:
+                every = _Walk(None, readers).path(path) if _exists(path) else ()
+                looked[path] = {printable(item.member): item for item in every if item.path == path}
+            found[name] = looked[path].get(member) or looked[path].get("")
+    return found

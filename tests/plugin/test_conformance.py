@@ -140,6 +140,7 @@ def samples(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> dic
     for number, joints in enumerate(poses[0].keypoints[:, :17] / (640, 480)):
         line = "0 0.5 0.5 0.9 0.9 " + " ".join(f"{x} {y} 1" for x, y in joints)
         (folder / "labels" / f"clip_{number}.txt").write_text(line)
+    np.savetxt(folder / "acc.csv", POINTS[:, :3, 0], "%.2f", ",", header="acc_x,acc_y,acc_z", comments="")
     pytest.importorskip("h5py"), pytest.importorskip("pose_format")
     flat = np.concatenate([POINTS, np.zeros_like(POINTS[..., :1])], axis=2)
     return {
@@ -148,6 +149,7 @@ def samples(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> dic
         "hdf5": write_sleap(folder / "analysis.h5"),
         "pose-format": write_pose(folder / "clip.pose"),
         "result-list": folder / "list.json",
+        "series": folder / "acc.csv",
         "trc": write_trc(folder / "clip.trc", flat, "px"),
         "arrays": folder / "two.npz",
         "csv": folder / "bare.csv",
