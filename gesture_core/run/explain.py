@@ -136,7 +136,7 @@ def _explain_event(
     listener: Listener | None,
 ) -> RowExplanation:
     """The event of a row, aligned with its example."""
-    from gesture_core.spot.explanation import explain_event
+    from gesture_core.spot.explanation import EventExplainer
 
     settings = settings_from_dict(configuration["settings"])
     places = {name: known["path"] for name, known in examples.items() if "path" in known}
@@ -150,14 +150,9 @@ def _explain_event(
             remedy="gesture spot once more",
             code="E_CHANGED",
         )
-    found = explain_event(
-        event_of(row),
-        poses[0],
-        [people[name][0] for name in names],
-        [str(examples[name]["label"]) for name in names],
-        names,
-        settings,
-    )
+    labels = [str(examples[name]["label"]) for name in names]
+    explain_event = EventExplainer([people[name][0] for name in names], labels, names, settings)
+    found = explain_event(event_of(row), poses[0])
     return RowExplanation(row, found, _file_name(row, rows))
 
 

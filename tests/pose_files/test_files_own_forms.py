@@ -40,7 +40,7 @@ COLUMNS = {name: [record[name] for record in RECORDS] for name in RECORDS[0]}
 
 
 def lists() -> list[list[list[float]]]:
-    return SCORED.tolist()
+    return list(SCORED.tolist())
 
 
 def by_name() -> list[dict[str, Any]]:
