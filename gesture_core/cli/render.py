@@ -92,7 +92,7 @@ def render(
 def _found_again(run: Path, name: str) -> tuple[Path, list[Row], Settings]:
     """Where an input of a run is, its rows, and the settings of the run."""
     from gesture_core.files import content_sha256
-    from gesture_core.run.inputs import find_inputs
+    from gesture_core.run.found_again import find_inputs
     from gesture_core.run.results import open_results
     from gesture_core.run.rows import input_called
     from gesture_core.settings import settings_from_dict
