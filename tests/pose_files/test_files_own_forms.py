@@ -298,9 +298,8 @@ def test_labels_of_ultralytics_are_frames(tmp_path: Path, behind: str) -> None:
 
 
 def test_an_archive_with_an_array_for_each_joint_is_one_clip(tmp_path: Path) -> None:
-    np.savez(
-        tmp_path / "k.npz", times=TIMES, **{joint: SCORED[:, n] for n, joint in enumerate(COCO17.joints)}
-    )
+    joints: dict[str, Any] = {joint: SCORED[:, n] for n, joint in enumerate(COCO17.joints)}
+    np.savez(tmp_path / "k.npz", times=TIMES, **joints)
     assert ArrayReader().members(tmp_path / "k.npz") == [""]
     check(ArrayReader().read(tmp_path / "k.npz")[0], True)
 
