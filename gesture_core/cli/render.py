@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from gesture_core.cli.flags import UNSAID, PoseFlags
 from gesture_core.cli.output import check_file, counted
-from gesture_core.errors import GestureError, InputError, MediaError, PoseError
+from gesture_core.errors import ConfigError, GestureError, InputError, MediaError, PoseError
 from gesture_core.files import printable
 
 if TYPE_CHECKING:
@@ -55,6 +55,10 @@ def render(
 
     rows: list[Row] = []
     settings = None
+    if input is not None and "=" in input and not video.is_dir():
+        raise ConfigError(
+            f"{input!r} is not understood here", remedy=f"--set KEY=VALUE --set {input}", code="E_USAGE"
+        )
     if input is not None:
         video, rows, settings = _found_again(video, input)
     elif video.is_dir():

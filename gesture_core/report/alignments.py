@@ -87,7 +87,7 @@ def _channel(found: Explanation, channel: int, shown: np.ndarray) -> dict[str, A
     }
     for name, side in (("near", found.nearest), ("far", found.runner_up)):
         if side is not None and side.used[channel]:
-            values = _matched(side.path_of(channel), side.signals.values[:, channel], len(query))
+            values = _matched(side.path_of(channel), side.signals.values[:, channel], len(side.query))
             record[name] = _short(_at(query.times[shown], side, values))
             record[f"{name}_cost"] = float(f"{side.costs[channel]:.3g}")
     return record
