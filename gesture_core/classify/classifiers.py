@@ -10,10 +10,13 @@ import numpy as np
 from gesture_core.classify.learning import ExampleWeights, calibrated_thresholds, learn_weights, medoids
 from gesture_core.errors import ConfigError, InputError, PluginError
 from gesture_core.plugin.hooks import KINDS
-from gesture_core.plugin.interfaces import Classifier, OrdersClasses
+from gesture_core.plugin.interfaces import Classifier, LeavesOut, OrdersClasses
 from gesture_core.plugin.registry import calling, name_of, registry
 from gesture_core.settings import ClassifySettings, Settings
 from gesture_core.types import Signals
+
+_MOST = 200
+"""Times that examples are left out."""
 
 Series = Sequence[Signals | np.ndarray]
 State = Mapping[str, np.ndarray]
@@ -212,6 +215,29 @@ def choose_classifier(settings: Settings) -> Classifier:
     taken = {key: value for key, value in own.items() if plugins.takes("classifier", name, key)}
     made: Classifier = plugins.make("classifier", name, settings.plugin_options(name), **taken)
     return made
+
+
+def left_out(
+    classifier: Classifier, examples: Series, codes: np.ndarray, classes: int, distances: np.ndarray
+) -> np.ndarray:
+    """(N, C) scores of the examples, each decided by others; minus infinity where none of a class is left.
+
+    ``distances`` are (N, N). Of many examples several are left out together (`_MOST`).
+    """
+    distances = np.where(np.isnan(distances), np.inf, distances)
+    if isinstance(classifier, LeavesOut):
+        return np.asarray(classifier.left_out(examples, codes, classes, distances), np.float64)
+    count = len(codes)
+    scores: np.ndarray = np.full((count, classes), -np.inf)
+    for start in range(min(count, _MOST)):
+        out = np.arange(start, count, _MOST)
+        rest = np.delete(np.arange(count), out)
+        known, asked = ([examples[i] for i in some.tolist()] if len(examples) else () for some in (rest, out))
+        within, block = distances[np.ix_(rest, rest)], distances[np.ix_(out, rest)]
+        state = classifier.fit(known, codes[rest], classes, within, np.arange(len(rest)))
+        there = np.isfinite(nearest_of(block, codes[rest], classes)[0])
+        scores[out] = np.where(there, classifier.scores(state, asked, block), -np.inf)
+    return scores
 
 
 def nearest_of(distances: np.ndarray, codes: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarray]:

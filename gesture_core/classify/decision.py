@@ -8,14 +8,12 @@ from numbers import Integral
 
 import numpy as np
 
-from gesture_core.classify.classifiers import Fitted, nearest_of
+from gesture_core.classify.classifiers import Fitted, left_out, nearest_of
 from gesture_core.classify.comparison import is_still
 from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.plugin.interfaces import LeavesOut
 from gesture_core.plugin.registry import calling
 from gesture_core.records import Prediction
-from gesture_core.settings import Settings
 from gesture_core.types import Neighbors, Signals, Status
 
 # Scores are sums in an order that a library's blocking may change; what is shown is rounded to hide it,
@@ -26,8 +24,6 @@ _EQUAL = 1e-9
 _NAMED = 3
 _GRID = np.geomspace(1e-3, 1e3, 181)
 """Temperatures that are tried, in units of the usual lead of the best score."""
-_MOST = 200
-"""Times that examples are left out; of more examples, several are left out together."""
 _LEAST = 1e-12
 # Share of frames with a repaired joint from which on a prediction says so.
 _MANY = 0.1
@@ -264,9 +260,7 @@ def probabilities(scores: np.ndarray, temperature: float) -> np.ndarray:
     return shares
 
 
-def temperature_of(
-    settings: Settings, series: Sequence[Signals | np.ndarray], fitted: Fitted, within: np.ndarray
-) -> float:
+def temperature_of(fitted: Fitted, within: np.ndarray, series: Sequence[Signals | np.ndarray] = ()) -> float:
     """What divides scores to make them probabilities, from the (N, N) distances among the examples.
 
     That temperature under which the softmax gives the examples the probabilities that they deserve (Guo et
@@ -288,7 +282,9 @@ def temperature_of(
             "classify.landmarks, or classify.margin; decision_function",
             code="E_EXAMPLES",
         )
-    scores, truth = _left_out(settings, series, fitted, within)[told], codes[told]
+    with calling(fitted.classifier):
+        scores = left_out(fitted.classifier, series, codes, classes, within)[told]
+    truth = codes[told]
     ordered = np.sort(scores, axis=1)[:, -2:] if classes > 1 else np.zeros((len(told), 2))
     leads = (ordered[:, 1] - ordered[:, 0])[np.isfinite(ordered).all(axis=1)]
     unit = float(np.median(leads)) if len(leads) and np.median(leads) > 0 else 1.0
@@ -300,22 +296,3 @@ def temperature_of(
         shares = np.maximum(probabilities(scores, factor * unit), _LEAST)
         losses.append(-(targets * np.log(shares)).sum())
     return float(_GRID[int(np.argmin(losses))] * unit)
-
-
-def _left_out(
-    settings: Settings, series: Sequence[Signals | np.ndarray], fitted: Fitted, within: np.ndarray
-) -> np.ndarray:
-    """(N, C) scores of the examples, each decided by others."""
-    codes, classes, count = fitted.codes, fitted.classes, len(fitted.codes)
-    if isinstance(fitted.classifier, LeavesOut):
-        with calling(fitted.classifier):
-            return np.asarray(fitted.classifier.left_out(series, codes, classes, within), np.float64)
-    scores: np.ndarray = np.full((count, classes), -np.inf)
-    for start in range(min(count, _MOST)):
-        out = np.arange(start, count, _MOST)
-        rest = np.delete(np.arange(count), out)
-        kept, asked = ([series[i] for i in some] if series else () for some in (rest, out))
-        among = within[np.ix_(rest, rest)]
-        others = Fitted.fit(settings, kept, codes[rest], classes, among)
-        scores[out] = votes_of(others, within[np.ix_(out, rest)], asked).scores
-    return scores

@@ -14,7 +14,7 @@ from gesture_core.classify.decision import refusals, temperature_of, votes_of
 from gesture_core.classify.learning import medoids
 from gesture_core.classify.scores import Answer, Evaluation
 from gesture_core.errors import ConfigError, GestureError, InputError
-from gesture_core.settings import Settings
+from gesture_core.settings import ClassifySettings, Settings
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence, Signals
 
@@ -210,7 +210,7 @@ def answer(
     calibrate = calibrate or chosen.confidence is not None
     if calibrate and protocol == "leave-one-out":
         every = Fitted.fit(settings, compared.series, codes, len(classes), within)
-        temperature = _temperature(settings, compared.series, every, within)
+        temperature = _temperature(every, within, compared.series, chosen)
     for fold in folds(protocol, codes, subjects, within, train):
         marks = fold.train[landmarks(codes[fold.train], chosen)]
         among = within[np.ix_(fold.train, marks)] if needs_distances(settings) else None
@@ -220,7 +220,7 @@ def answer(
         block = within[np.ix_(fold.test, examples)]
         if calibrate and protocol != "leave-one-out":
             own = within[np.ix_(examples, examples)]
-            temperature = _temperature(settings, compared.of(examples), fitted, own)
+            temperature = _temperature(fitted, own, compared.of(examples), chosen)
         votes = votes_of(fitted.with_temperature(temperature), block, compared.of(fold.test))
         still = None if compared.still is None else compared.still[fold.test]
         refused = refusals(votes, thresholds, chosen.margin, still, chosen.confidence)
@@ -256,13 +256,13 @@ def answer(
 
 
 def _temperature(
-    settings: Settings, series: Sequence[Signals], fitted: Fitted, within: np.ndarray
+    fitted: Fitted, within: np.ndarray, series: Sequence[Signals], chosen: ClassifySettings
 ) -> float | None:
     """That of the probabilities; None where too few examples make none, and none is asked for."""
     try:
-        return temperature_of(settings, series, fitted, within)
+        return temperature_of(fitted, within, series)
     except InputError:
-        if settings.classify.confidence is not None:
+        if chosen.confidence is not None:
             raise
         return None
 

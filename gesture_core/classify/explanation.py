@@ -72,7 +72,6 @@ class Contribution:
     example: str
     label: str
     distance: float
-    similarity: float
     added: float
 
 

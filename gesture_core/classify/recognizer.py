@@ -156,7 +156,7 @@ class Recognizer:
             return self.fitted.temperature
         if within is None:
             within = _among(series, self.comparison, lambda: None)
-        return temperature_of(self.settings, series, self.fitted, within)
+        return temperature_of(self.fitted, within, series)
 
     def predictions(self, X: Sequence[Item]) -> list[Prediction]:
         """One `Prediction` for each query; see `GestureClassifier.predictions`."""

@@ -47,7 +47,13 @@ KINDS: Mapping[str, Kind] = {
         Kind("filter", "register_filters", "filter"),
         Kind("selector", "register_selectors", "dimension selector"),
         Kind("kernel", "register_distance_kernels", "distance kernel"),
-        Kind("classifier", "register_classifiers", "classifier", (), ("neighbors", "sharpness", "shrinkage")),
+        Kind(
+            "classifier",
+            "register_classifiers",
+            "classifier",
+            (),
+            ("neighbors", "sharpness", "shrinkage", "mirror"),
+        ),
         Kind("writer", "register_result_writers", "result writer"),
         Kind("engine", "register_engines", "execution engine", ("workers", "limits")),
     )

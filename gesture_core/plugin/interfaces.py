@@ -204,10 +204,10 @@ class DistanceKernel(Protocol):
 class Classifier(Protocol):
     """Decides which class a query is of: by its distances to the examples, or by the signals themselves.
 
-    Constructed with its options as keywords; parameters called ``neighbors``, ``sharpness`` or ``shrinkage``
-    are those of [classify]. What it learns is arrays, which stay with the run: nothing is pickled, and the
-    same object may be asked about several libraries. It may also have `OrdersClasses`, `LeavesOut`,
-    `Contributes` or `HasMembers`.
+    Constructed with its options as keywords; parameters called ``neighbors``, ``sharpness``, ``shrinkage``
+    or ``mirror`` are those of [classify]. What it learns is arrays, which stay with the run: nothing is
+    pickled, and the same object may be asked about several libraries. It may also have `OrdersClasses`,
+    `LeavesOut`, `Contributes` or `HasMembers`.
 
     Series are `Signals`, or bare (T, D) float64 arrays where a Python caller gave such. The same query must
     get the same scores in whatever batch it travels.

@@ -15,6 +15,12 @@ def register_classifiers(register: Register) -> None:
         "gesture_core.classify.classifiers:Weighed",
         summary="all examples, by a linear discriminant on their similarities (Pekalska and Duin 2002)",
     )
+    register(
+        "rocket",
+        "gesture_core.classify.rocket:Rocket",
+        summary="the signals themselves, by random convolutions (Dempster, Schmidt and Webb 2021)",
+    )
+    register("blend", "gesture_core.classify.rocket:Blend", summary="weighed, and half as much rocket")
 
 
 @hookimpl
