@@ -200,6 +200,7 @@ class Code(StrEnum):
     RUN_VERSION = "E_RUN_VERSION", "run.db is of another version", "another --out"
     RUN_WRITE = "E_RUN_WRITE", "the run folder cannot be written", "free space, then the same command again"
     CONFIG_CHANGED = "E_CONFIG_CHANGED", "the run has other settings or examples", "--overwrite", 2
+    MERGE = "E_MERGE", "runs cannot be made one", "the runs of one command, each shard once", 2
     STORE = "E_STORE", "a file of the keypoint store is damaged", "the same command again"
     STORE_WRITE = "E_STORE_WRITE", "the keypoint store cannot be written", "another GESTURE_CACHE"
     GESTURE = "E_GESTURE", "an error of no other code", "the message says more"

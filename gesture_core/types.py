@@ -16,7 +16,7 @@ from gesture_core.records import Outcome as Outcome
 from gesture_core.records import Prediction as Prediction
 from gesture_core.records import Row as Row
 from gesture_core.records import Task as Task
-from gesture_core.skeletons import COCO18, skeleton, to_coco18
+from gesture_core.skeletons import COCO18, mapped, skeleton
 
 
 def _single(array: np.ndarray) -> np.ndarray:
@@ -89,7 +89,7 @@ class PoseSequence:
     times : (T,) float64
         Seconds from the container, never decreasing.
     skeleton : str
-        A key of `gesture_core.skeletons.SKELETONS`.
+        A name that `gesture_core.skeletons.skeleton` knows.
     frame_size : (width, height) or None
         Pixels of the upright picture, None where the file does not say.
     person : int
@@ -173,15 +173,19 @@ class PoseSequence:
         return tuple(round(edge, max(digits, 0)) for edge in edges.tolist())
 
     def as_coco18(self) -> PoseSequence:
-        """The same sequence in the canonical skeleton (itself where it already is)."""
-        if self.skeleton == COCO18.name:
+        """The same sequence in the canonical body (itself where it already is)."""
+        return self.onto(COCO18.name)
+
+    def onto(self, name: str) -> PoseSequence:
+        """The same sequence in the skeleton called ``name`` (itself where it already is)."""
+        if self.skeleton == name:
             return self
-        points, scores = to_coco18(self.keypoints, self.scores, skeleton(self.skeleton))
+        points, scores = mapped(self.keypoints, self.scores, skeleton(self.skeleton), skeleton(name))
         return PoseSequence(
             points,
             scores,
             self.times,
-            COCO18.name,
+            name,
             self.frame_size,
             self.person,
             self.source,

@@ -12,9 +12,9 @@ from gesture_core.cores import usable_cores
 from gesture_core.files import cache_dir, switched_on, tree_sha256
 from gesture_core.run.inputs import Input
 from gesture_core.run.store import keypoint_store, mark_used, prune
+from gesture_core.run.workers.engines import ProcessEngine
 from gesture_core.run.workers.functions import encoded
 from gesture_core.run.workers.previews import REVISION
-from gesture_core.run.workers.processes import ProcessEngine
 from gesture_core.settings import Settings
 from gesture_core.types import Job, Task
 from gesture_core.video.writer import can_write_video

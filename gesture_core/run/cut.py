@@ -23,13 +23,12 @@ from gesture_core.errors import (
 from gesture_core.files import printable
 from gesture_core.records import Job, Row, Task
 from gesture_core.run.extract import Listener, people_of
-from gesture_core.run.found_again import find_inputs
-from gesture_core.run.inputs import Input
+from gesture_core.run.inputs import Input, find_inputs
 from gesture_core.run.results import open_results
 from gesture_core.run.store import write_keypoints
 from gesture_core.run.workers.clips import SAME
+from gesture_core.run.workers.engines import ProcessEngine
 from gesture_core.run.workers.functions import encoded
-from gesture_core.run.workers.processes import ProcessEngine
 from gesture_core.settings import Settings, settings_from_dict
 
 _ODD = re.compile(r"[^\w .=@+-]")

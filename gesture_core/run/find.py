@@ -15,12 +15,11 @@ from gesture_core.errors import Code, GestureError, InputError, WorkerError
 from gesture_core.records import Job, Task
 from gesture_core.run.archive import Sources, as_strings, with_changes
 from gesture_core.run.extract import Listener, extract_all, people_of
-from gesture_core.run.found_again import find_inputs
-from gesture_core.run.inputs import Input, discover
+from gesture_core.run.inputs import Input, discover, find_inputs
 from gesture_core.run.results import DATABASE, open_results
 from gesture_core.run.store import keypoint_store
+from gesture_core.run.workers.engines import ProcessEngine
 from gesture_core.run.workers.keypoints import Extracted
-from gesture_core.run.workers.processes import ProcessEngine
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.spot.find import Hit
 

@@ -23,8 +23,7 @@ from gesture_core.pose.models import described
 from gesture_core.records import Job, Row
 from gesture_core.run.extract import Listener, OpenEngine
 from gesture_core.run.inputs import Input
-from gesture_core.run.label_folders import label_folders
-from gesture_core.run.labels import word
+from gesture_core.run.labels import label_folders, word
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
 from gesture_core.run.results import Results, open_results, run_folder
 from gesture_core.run.rows import contradicting_row, rows_of, unread_row

@@ -44,6 +44,12 @@ _TABLES = {
     "published": "key BLOB PRIMARY KEY, file TEXT NOT NULL",
 }
 
+_COLUMNS = {
+    "meta": ("key", "value"),
+    "content": ("key", "stamp", "sha256"),
+    "rows": ("key", "place", "role", *COLUMNS),
+    "published": ("key", "file"),
+}
 _QUOTED = ", ".join(f"`{name}`" for name in COLUMNS)
 """The columns as SQL takes them: some are its words."""
 
@@ -185,14 +191,14 @@ class Results:
                     (item.key, item.place, role, *(record[name] for name in COLUMNS)),
                 )
 
-    def done(self, *, retry_errors: bool = False) -> dict[bytes, str]:
-        """Keys of inputs that need no more work while they have these stamps."""
+    def done(self, *, retry_errors: bool = False) -> Iterator[tuple[bytes, str]]:
+        """Keys and stamps of inputs that need no more work while they have these stamps."""
         having = "HAVING SUM(status = 'error') = 0" if retry_errors else ""
         query = (
             "SELECT rows.key, stamp FROM rows JOIN content USING (key) "
             f"WHERE role = 'query' AND rows.sha256 = content.sha256 GROUP BY rows.key {having}"
         )
-        return {row["key"]: row["stamp"] for row in self._db.execute(query)}
+        return (tuple(row) for row in self._db.execute(query))
 
     def rows(self, role: str = "query") -> Iterator[Row]:
         """All rows, ordered by input, person and event."""
@@ -212,10 +218,34 @@ class Results:
         row = self._db.execute(query, (name,)).fetchone()
         return Path(os.fsdecode(row["place"])) if row else None
 
-    def places(self) -> list[tuple[bytes, bytes]]:
+    def places(self) -> Iterator[tuple[bytes, bytes]]:
         """Key and path of every input that has rows."""
         query = "SELECT DISTINCT key, place FROM rows WHERE role = 'query'"
-        return [(row["key"], row["place"]) for row in self._db.execute(query)]
+        return (tuple(row) for row in self._db.execute(query))
+
+    def inputs(self) -> int:
+        """Number of inputs that have rows."""
+        query = "SELECT COUNT(DISTINCT key) AS n FROM rows WHERE role = 'query'"
+        return int(self._db.execute(query).fetchone()["n"])
+
+    def take(self, others: Sequence[Results]) -> None:
+        """Have exactly the rows of other runs, with all that belongs to them, in one transaction."""
+        with _transaction(self._db):
+            for table in ("rows", "content", "published"):
+                self._db.execute(f"DELETE FROM {table}")
+            for other in others:
+                for table, names in _COLUMNS.items():
+                    records = other._db.execute(f"SELECT * FROM {table} ORDER BY rowid")
+                    self._db.executemany(
+                        f"INSERT OR REPLACE INTO {table} ({', '.join(f'`{name}`' for name in names)}) "
+                        f"VALUES ({', '.join('?' * len(names))})",
+                        (
+                            tuple(known[name] for name in names)
+                            for record in records
+                            for known in [_ADDED | dict(record)]
+                        ),
+                    )
+            self._db.execute("DELETE FROM meta WHERE key = 'part'")
 
     def forget(self, keys: Sequence[bytes], *, role: str = "query") -> None:
         """Delete the rows of inputs."""

@@ -24,8 +24,7 @@ from gesture_core import Spotter, load_poses, load_settings, spot_archive, watch
 from gesture_core.cli.main import run as gesture
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, GestureError, InputError
-from gesture_core.run.watch import source_of
-from gesture_core.run.webhook import Webhook
+from gesture_core.run.watch import Webhook, source_of
 from gesture_core.spot.capture import Capture, Captured, Note
 from gesture_core.spot.sources import Camera, Frame, Keypoints, piped
 from gesture_core.spot.watch import Seen, Watch

@@ -1,6 +1,6 @@
 """A worker: performs tasks one after the other, by the functions of the table.
 
-``python -m gesture_core.run.workers.worker`` is a process of `processes.WorkerProcess`: it takes JSON lines
+``python -m gesture_core.run.workers.worker`` is a process of `engines.WorkerProcess`: it takes JSON lines
 on standard input and answers on standard output. Whatever native code or a plugin prints goes to standard
 error, so that it cannot reach the pipe to the parent.
 """
