@@ -23,8 +23,8 @@ _KERNELS = np.array(list(combinations(range(_PLACES), 3)))
 _CHANNELS = 9
 """Channels that a kernel looks at, at most."""
 _PENALTIES = np.logspace(-2, 4, 13)
-_FLAT = 0.05
-"""Deviation, in the usual one of a channel, that is added to that of each sequence before it divides."""
+_FLAT = 0.1
+"""Part of the usual deviation that is added to that of a channel before it divides: jitter stays small."""
 _GOLDEN = (np.sqrt(5) + 1) / 2
 
 
@@ -267,16 +267,16 @@ def _shifted(sequence: np.ndarray, step: int) -> np.ndarray:
 
 def standardised(series: Series, usual: np.ndarray, frames: int) -> np.ndarray:
     """(N, D, frames) float32: resampled, each channel with zero mean and unit deviation in each sequence."""
-    found = np.array([_resampled(item, frames) for item in series]).reshape(-1, len(usual), frames)
+    found = np.array([_resampled(item, frames) for item in series]).reshape(len(series), -1, frames)
     found -= found.mean(axis=2, keepdims=True)
-    found /= found.std(axis=2, keepdims=True) + _FLAT * usual[:, None]
+    found /= found.std(axis=2, keepdims=True) + _FLAT * usual
     return found.astype(np.float32)
 
 
 def usual_deviation(series: Series, frames: int) -> np.ndarray:
-    """(D,) root mean square of the deviations of a channel over the sequences; 1 where it never moves."""
-    squares = np.mean([_resampled(item, frames).var(axis=1) for item in series], axis=0)
-    return np.where(squares > 0, np.sqrt(squares), 1.0)
+    """Root mean square of the deviations of all channels of all sequences; 1 where nothing ever moves."""
+    square = np.mean([_resampled(item, frames).var(axis=1).mean() for item in series])
+    return np.array(np.sqrt(square) if square > 0 else 1.0)
 
 
 def _resampled(item: Signals | np.ndarray, frames: int) -> np.ndarray:

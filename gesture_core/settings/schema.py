@@ -141,10 +141,10 @@ class ClassifySettings(_Section):
         Of ``nearest``: how many of the nearest examples vote. Of ``auto``: with 0, all examples decide, and
         the weight of each for each class is learned from the distances among them.
     sharpness : float
-        Of ``weighed``: a similarity is exp(-sharpness * d), where d is 1 for an example of another class at
-        its usual distance.
+        Of ``weighed`` and ``blend``: a similarity is exp(-sharpness * d), where d is 1 for an example of
+        another class at its usual distance.
     shrinkage : float
-        Of ``weighed``: penalty on the squared weights; more makes all examples more alike.
+        Of ``weighed`` and ``blend``: penalty on the squared weights; more makes all examples more alike.
     landmarks : int
         Of any classifier but ``nearest``: of more examples than this, those that queries are compared with,
         spread evenly over each class in the order of the examples; what they count for is learned from all.

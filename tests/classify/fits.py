@@ -16,5 +16,5 @@ def by_votes(codes: np.ndarray, classes: int, k: int = 1) -> Fitted:
 
 def by_weights(within: np.ndarray, codes: np.ndarray) -> Fitted:
     """All examples decide, with the distances ``within`` among them."""
-    settings = load_settings("paper", ["neighbors=0"], environment={})
+    settings = load_settings("paper", ["classifier=weighed"], environment={})
     return Fitted.fit(settings, (), codes, int(codes.max()) + 1, within)

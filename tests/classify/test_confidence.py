@@ -27,7 +27,10 @@ def clouds(seed: int, each: int, spread: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def limited(confidence: float | None, neighbors: int = 0) -> Settings:
-    changed = replace(MODERN.classify, confidence=confidence, neighbors=neighbors, reject=None)
+    name = "auto" if neighbors else "weighed"
+    changed = replace(
+        MODERN.classify, confidence=confidence, classifier=name, neighbors=neighbors, reject=None
+    )
     return replace(MODERN, classify=changed)
 
 

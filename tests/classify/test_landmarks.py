@@ -18,7 +18,7 @@ from gesture_core.run.workers.decision import Decider
 from gesture_core.settings import ClassifySettings, Settings, load_settings
 from gesture_core.types import Signals
 
-EVERY = ClassifySettings(neighbors=0)
+EVERY = ClassifySettings(classifier="weighed")
 
 
 def clouds(seed: int, each: int) -> tuple[np.ndarray, np.ndarray]:
@@ -51,7 +51,7 @@ def test_each_class_keeps_its_share_and_one_at_least() -> None:
     assert marks.tolist() == sorted(set(marks.tolist()))
     assert {0, 89} <= set(marks.tolist())
     for other in (
-        replace(EVERY, landmarks=20, neighbors=1),
+        replace(EVERY, landmarks=20, classifier="auto"),
         replace(EVERY, landmarks=20, representative=True),
     ):
         assert len(landmarks(codes, other)) == 100

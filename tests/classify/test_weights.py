@@ -26,7 +26,7 @@ from gesture_core.run.pipeline import RunSummary
 from gesture_core.settings import load_settings
 from gesture_core.types import Signals
 
-ALL = load_settings("modern", ["neighbors=0"], environment={})
+ALL = load_settings("modern", ["classifier=weighed"], environment={})
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -211,7 +211,7 @@ def test_the_classifier_lets_all_examples_decide() -> None:
         assert sorted(each for _, each, _ in row.neighbors) == ["side", "twice", "up"]
         assert row.neighbors[0][1:] == (label, row.distance)
         assert row.margin is not None and 0 < row.margin < 2
-    assert GestureClassifier(ALL, n_neighbors=1).fit(poses, labels).weights_ is None
+    assert GestureClassifier("modern", n_neighbors=1).fit(poses, labels).weights_ is None
 
 
 def test_a_large_library_shows_that_it_is_alive(monkeypatch: pytest.MonkeyPatch) -> None:
