@@ -20,7 +20,7 @@ def register_classifiers(register: Register) -> None:
         "gesture_core.classify.rocket:Rocket",
         summary="the signals themselves, by random convolutions (Dempster, Schmidt and Webb 2021)",
     )
-    register("blend", "gesture_core.classify.rocket:Blend", summary="weighed, and half as much rocket")
+    register("blend", "gesture_core.classify.rocket:Blend", summary="weighed, and a quarter as much rocket")
 
 
 @hookimpl

@@ -35,6 +35,7 @@ _NAMED = 5
 """Files that a message lists."""
 FRAMES = "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4)"
 """What to try with a picture."""
+GONE = "is not where the run found it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,7 +262,7 @@ class _Walk:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
         entries = [e for e in entries if not e.name.startswith(".") and e.name not in OWN_FILES]
-        files = [entry for entry in entries if entry not in folders and not _is_video(entry)]
+        files = [entry for entry in entries if entry not in folders and not self._is_video(entry)]
         self._readers.expect(files)
         reader, fault = self._readers.of(folder, {file.suffix.lower() for file in files})
         if reader:
@@ -280,7 +281,7 @@ class _Walk:
         name = printable(os.fspath(path))
         if fault := unreadable(path):
             yield _broken(path, "E_READ", *fault)
-        elif _is_video(path):
+        elif self._is_video(path):
             yield Input(path, name, "video")
         else:
             reader, trouble = self._readers.of(path)
@@ -293,10 +294,16 @@ class _Walk:
             else:
                 yield Input(path, name, "other", fault=self._readers.why_not(path) if say_why else "")
 
+    def _is_video(self, path: Path) -> bool:
+        return not self._readers.channels and path.suffix.lower() in VIDEO_SUFFIXES
+
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""
         suffix = path.suffix.lower()
-        return suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
+        return (
+            not self._readers.channels
+            and suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
+        )
 
     def _members(self, path: Path, reader: str) -> Iterator[Input]:
         name = printable(os.fspath(path))
@@ -307,7 +314,9 @@ class _Walk:
             return
         for member in members:
             shown = f"{name}::{printable(member)}" if member else name
-            yield Input(path, shown, "keypoints", member, reader)
+            # The files of collections of series say the label of each: it stands before its number.
+            label = member.rpartition("/")[0] if self._readers.channels else ""
+            yield Input(path, shown, "keypoints", member, reader, label or None)
 
 
 def _exists(path: Path) -> bool:
@@ -340,52 +349,40 @@ def _identity(folder: Path) -> tuple[int, int]:
     return found.st_dev, found.st_ino
 
 
-def _is_video(path: Path) -> bool:
-    return path.suffix.lower() in VIDEO_SUFFIXES
+Places = Mapping[str, str | os.PathLike[str] | None]
+"""Absolute paths by the names of inputs, as a run knows them; None where it does not."""
 
 
-def find_inputs(
-    places: Mapping[str, str | os.PathLike[str] | None], settings: Settings
-) -> dict[str, Input | GestureError]:
-    """The input of each name, or why there is none.
-
-    Parameters
-    ----------
-    places : mapping
-        Absolute paths by the names of inputs, as the run knows them; None where it does not.
-    settings : Settings
-        Of the run.
-    """
+def find_inputs(places: Places, settings: Settings) -> dict[str, Input | GestureError]:
+    """The inputs of a run by their names, or why they cannot be read: what is gone costs itself only."""
     found: dict[str, Input | GestureError] = {}
-    looked: dict[Path, dict[str, Input]] = {}
-    with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant, warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        for name, place in places.items():
-            path, member = _path(name, os.fspath(place or "")), name.partition("::")[2]
-            try:
-                if path not in looked:
-                    every = discover([path], assistant=assistant)
-                    looked[path] = {_spelled(item.path, printable(item.member)): item for item in every}
-                item = looked[path].get(_spelled(path, member)) or looked[path][_spelled(path, "")]
-                readable = item.kind in ("video", "keypoints") and printable(item.member) == member
-                fault, code = item.fault or "is not what the run found there", item.code or "E_CHANGED"
-                found[name] = item if readable else replace(item, name=name, fault=fault, code=code).error()
-            except (GestureError, KeyError):
-                found[name] = InputError(
-                    "is not where the run found it",
-                    subject=name,
-                    remedy="to put it back",
-                    code="E_NOT_FOUND",
-                )
+    for name, item in look_again(places, settings).items():
+        if item is None:
+            remedy = "to put it back"
+            found[name] = InputError(GONE, subject=name, remedy=remedy, code="E_NOT_FOUND")
+        elif item.kind in ("video", "keypoints") and printable(item.member) == name.partition("::")[2]:
+            found[name] = item
+        else:
+            fault, code = item.fault or "is not what the run found there", item.code or "E_CHANGED"
+            found[name] = replace(item, name=name, fault=fault, code=code).error()
     return found
 
 
-def _path(name: str, place: str) -> Path:
-    """Where an input is: at its place, or, after a move, where its name leads from here."""
-    typed = Path(name.partition("::")[0])
-    return typed if not place or (typed.exists() and not Path(place).exists()) else Path(place)
+def look_again(places: Places, settings: Settings) -> dict[str, Input | None]:
+    """What lies where a run found its inputs, by their names; None where there is nothing.
 
-
-def _spelled(path: Path, member: str) -> str:
-    """The same for all spellings of an input."""
-    return f"{path.resolve()}::{member}"
+    After a move, an input is where its name leads from here.
+    """
+    found: dict[str, Input | None] = {}
+    looked: dict[Path, dict[str, Input]] = {}
+    with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant:
+        readers = Readers(assistant)
+        for name, place in places.items():
+            shown, _, member = name.partition("::")
+            path = Path(place or shown)
+            path = Path(shown) if not _exists(path) and _exists(Path(shown)) else path
+            if path not in looked:
+                every = _Walk(None, readers).path(path) if _exists(path) else ()
+                looked[path] = {printable(item.member): item for item in every if item.path == path}
+            found[name] = looked[path].get(member) or looked[path].get("")
+    return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -210,8 +209,9 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
     found = discover(request.examples, avoid=request.out, assistant=assistant)
     if all(item.kind == "other" for item in found):
         pictures = any(item.path.suffix.lower() in PICTURE_SUFFIXES for item in found)
+        why = next((f": {item.name}: {item.fault}" for item in found if item.fault), "")
         raise InputError(
-            "holds no example",
+            f"holds no example{why}",
             subject=", ".join(request.examples),
             remedy="examples/<label>/<clip>" + (f", or for a picture {FRAMES}" if pictures else ""),
             code="E_EMPTY",
@@ -266,7 +266,7 @@ def _compared(
     """The configuration, with what the folder's rows need as well, and whether these were made with another
     one: an error unless that is wanted.
     """
-    before = json.loads(results.get("configuration") or "{}")
+    before = results.configuration
     if not before:
         return configuration, False
     together = with_parts_of(before, configuration)

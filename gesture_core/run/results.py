@@ -160,6 +160,11 @@ class Results:
         row = self._db.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         return row["value"] if row else None
 
+    @property
+    def configuration(self) -> dict[str, Any]:
+        """What decided its rows, from `fingerprint.run_configuration`; empty where no run has begun."""
+        return dict(json.loads(self.get("configuration") or "{}"))
+
     def set(self, facts: Mapping[str, Any]) -> None:
         """Record facts about the run: strings as they are, anything else as JSON."""
         with _transaction(self._db):
@@ -202,14 +207,12 @@ class Results:
 
     def rows(self, role: str = "query") -> Iterator[Row]:
         """All rows, ordered by input, person and event."""
+        return (row for _, row in self.keyed_rows(role))
+
+    def keyed_rows(self, role: str = "query") -> Iterator[tuple[bytes, Row]]:
+        """All rows, ordered as by `rows`, each with the key of its input."""
         query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person, rowid"
         for record in self._db.execute(query, (role,)):
-            yield Row.from_record(_ADDED | dict(record))
-
-    def keyed_rows(self) -> Iterator[tuple[bytes, Row]]:
-        """All rows of inputs, ordered as by `rows`, each with the key of its input."""
-        query = "SELECT * FROM rows WHERE role = 'query' ORDER BY input, key, person, rowid"
-        for record in self._db.execute(query):
             yield record["key"], Row.from_record(_ADDED | dict(record))
 
     def place_of(self, name: str) -> Path | None:
@@ -386,7 +389,7 @@ def run_folder(folder: Path) -> Iterator[None]:
 def _has_begun(folder: Path) -> bool:
     try:
         with open_results(folder) as found:
-            return found.get("configuration") is not None
+            return bool(found.configuration)
     except sqlite3.Error:
         return True
     except RunFolderError as error:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import Video, VideoReader
+    from gesture_core.settings import Settings
     from gesture_core.settings.schema import VideoSettings
 
 Options = Mapping[str, Mapping[str, Any]]
@@ -70,6 +71,12 @@ def open_video(
     if rates is None or (rates.fps is None and rates.retime is None):
         return video
     return _Paced(video, rates.fps, rates.retime)
+
+
+def open_configured(path: Path, settings: Settings) -> Video:
+    """`open_video` by the reader, its options, the limits and the rates of ``settings``."""
+    limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
+    return open_video(path, settings.pose.reader, limits, settings.options, settings.video)
 
 
 class _Paced:

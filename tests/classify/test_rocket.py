@@ -173,7 +173,7 @@ def test_the_members_of_the_blend_add_up_to_its_scores() -> None:
     weighed = {
         key.removeprefix("weighed."): v for key, v in inner.state.items() if key.startswith("weighed.")
     }
-    np.testing.assert_allclose(said["weighed"] * 1.5, Weighed().scores(weighed, signals, distances))
+    np.testing.assert_allclose(said["weighed"] * 1.25, Weighed().scores(weighed, signals, distances))
     assert isinstance(signals[0], Signals)
     found = explain(signals[0], fitted.library_, distances[0], fitted.settings_, inner)
     assert sum(added for _, added in found.members) == pytest.approx(found.lead)

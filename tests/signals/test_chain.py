@@ -18,6 +18,9 @@ from gesture_core.signals.chain import CHANNELS, Chain
 from gesture_core.signals.mirror import mirrored
 from gesture_core.types import PoseSequence, Signals
 
+OF_PEOPLE = [name for name in presets() if load_settings(name).signals.input == "keypoints"]
+"""Presets whose inputs have joints."""
+
 
 def chain(preset: str = "paper", dotted: Mapping[str, object] | None = None, **values: object) -> Chain:
     pairs = [*(dotted or {}).items(), *((key.replace("__", "."), value) for key, value in values.items())]
@@ -47,7 +50,7 @@ def test_a_single_wild_frame_is_not_motion() -> None:
         chain()(pose(points))
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", OF_PEOPLE)
 @given(shift=st.tuples(st.floats(-500, 500), st.floats(-500, 500)), factor=st.floats(0.2, 5))
 @settings(max_examples=15, deadline=None)
 def test_place_and_size_in_the_picture_do_not_matter(
@@ -58,7 +61,7 @@ def test_place_and_size_in_the_picture_do_not_matter(
     np.testing.assert_allclose(moved.values, whole(pose(waving())).values, atol=2e-3)
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", OF_PEOPLE)
 def test_the_other_hand_is_the_mirror_of_the_signals(preset: str) -> None:
     points = waving("right_wrist", 2) + 0.4 * (waving("right_elbow", 1, axis=0) - standing())
     flipped = (points - 300)[:, list(_mirror_order())] * (-1, 1) + 300
@@ -77,7 +80,7 @@ def _mirror_order() -> tuple[int, ...]:
     return COCO18.mirror
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", OF_PEOPLE)
 def test_a_missing_joint_has_no_channel_and_no_influence(preset: str) -> None:
     points = waving()
     points[:, J["left_wrist"]] = np.nan
@@ -154,7 +157,7 @@ def test_no_frames_at_all() -> None:
         chain()(PoseSequence(np.empty((0, 18, 2)), np.empty((0, 18)), np.empty(0)))
 
 
-@given(st.integers(0, 12), st.floats(0, 1), st.sampled_from(presets()), st.integers(0, 2**32 - 1))
+@given(st.integers(0, 12), st.floats(0, 1), st.sampled_from(OF_PEOPLE), st.integers(0, 2**32 - 1))
 @settings(max_examples=60, deadline=None)
 def test_any_keypoints_give_finite_signals_or_a_typed_error(
     frames: int, missing: float, preset: str, seed: int
