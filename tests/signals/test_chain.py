@@ -16,10 +16,11 @@ from gesture_core.plugin import registry
 from gesture_core.settings import load_settings, presets
 from gesture_core.signals.chain import CHANNELS, Chain
 from gesture_core.signals.mirror import mirrored
+from gesture_core.skeletons import other_side
 from gesture_core.types import PoseSequence, Signals
 
-OF_PEOPLE = [name for name in presets() if load_settings(name).signals.input == "keypoints"]
-"""Presets whose inputs have joints."""
+OF_PEOPLE = sorted(set(presets()) - {"sensors", "depth"})
+"""Presets whose inputs have joints in the plane."""
 
 
 def chain(preset: str = "paper", dotted: Mapping[str, object] | None = None, **values: object) -> Chain:
@@ -228,3 +229,33 @@ def test_every_filter_keeps_signals_valid(name: str) -> None:
     assert len(found.times) == len(found.values)
     assert found.mask is not None and found.present is not None
     assert found.mask.shape == found.present.shape == (len(found.channels),)
+
+
+def turned(points: np.ndarray, degrees: float) -> np.ndarray:
+    """(T, 18, 3) of a body in the plane, around the axis that points down."""
+    angle = np.radians(degrees)
+    across, depth = points[..., 0] - 300, 0.3 * (points[..., 1] - 300)
+    sides = [np.cos(angle), np.sin(angle)] @ np.stack([across, depth], axis=-2)
+    other = [-np.sin(angle), np.cos(angle)] @ np.stack([across, depth], axis=-2)
+    return np.stack([sides, points[..., 1], other], axis=-1)
+
+
+@pytest.mark.parametrize("degrees", [0, 40, 120, 180])
+def test_in_three_dimensions_a_turn_of_the_body_does_not_matter(degrees: float) -> None:
+    whole = chain("depth")
+    one, other = whole(pose(turned(waving(), 0))), whole(pose(turned(waving(), degrees)))
+    assert "right_wrist_z.velocity" in one.channels and "right_forearm_x.turning" in one.channels
+    np.testing.assert_allclose(one.values, other.values, atol=2e-3)
+
+
+def test_in_three_dimensions_a_mirror_is_the_other_hand() -> None:
+    whole, points = chain("depth"), turned(waving("right_wrist", axis=0), 0)
+    sides = [J[other_side(name)] for name in J]
+    other = whole(pose(points[:, sides] * [-1, 1, 1]))
+    found = mirrored(whole(pose(points)))
+    np.testing.assert_allclose(found.values, other.values, atol=2e-3)
+
+
+def test_what_needs_a_depth_says_so() -> None:
+    with pytest.raises(PoseError, match="has no depth"):
+        chain("depth")(pose(waving()))

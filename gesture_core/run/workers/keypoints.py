@@ -201,7 +201,7 @@ class KeypointExtractor:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
         if name != "store":
             stated = self._settings.keypoints.axes is not None
-            odd = [note for one in sequences for note in check_plausible(one, axes_stated=stated)]
+            odd = [note for one in sequences for note in check_plausible(one.flat, axes_stated=stated)]
         if pose.people == "single" and len(sequences) > 1:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
             sequences = [replace(best, person=0)]

@@ -89,7 +89,8 @@ class _Drawn:
 
     def __init__(self, cut: Cut, people: Sequence[PoseSequence]) -> None:
         self.cut = cut
-        self._pose = next((one for one in people if one.person == cut.person), None)
+        bodies = [one for one in people if isinstance(one, PoseSequence)]  # channels cannot be drawn
+        self._pose = next((one.flat for one in bodies if one.person == cut.person), None)
         self._frames: list[tuple[float, np.ndarray]] = []
         self._square: tuple[float, float, float] | None = None
         self._near = _NEAR

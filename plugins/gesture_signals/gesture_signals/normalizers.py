@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -150,6 +151,7 @@ class ViewNormalizer:
     floor: float = 0.2
     shoulders: float = 1.45
     upright: bool = False
+    needs_depth: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         TorsoNormalizer(self.window, self.floor, self.shoulders)
@@ -160,8 +162,8 @@ class ViewNormalizer:
             raise PoseError(
                 "has no depth, and a turn of the body cannot be undone without",
                 subject=pose.source,
-                remedy="keypoints in three dimensions with --set keypoints.depth=true, or "
-                "--set signals.normalizer=torso",
+                remedy="files of keypoints in three dimensions with --set keypoints.depth=true (networks "
+                "give two), or --set signals.normalizer=torso",
                 code="E_POSE_SCALE",
             )
         scaled = TorsoNormalizer(self.window, self.floor, self.shoulders).normalize(pose)
