@@ -43,9 +43,6 @@ METHODS: dict[str, tuple[str, ...]] = {
     "band of 10 % (Sakoe and Chiba 1978)": (
         *PLAIN, "signals.filters=gaussian,resample,center", "dtw.window=0.1",
     ),
-    "parallelogram (Itakura 1975)": (
-        *PLAIN, "signals.filters=gaussian,resample,center", "dtw.shape=itakura", "dtw.window=none",
-    ),
     "soft-DTW (Cuturi and Blondel 2017)": (
         *PLAIN, "signals.filters=gaussian,resample,center", "dtw.gamma=0.01",
     ),

@@ -92,5 +92,5 @@ def test_a_frame_stands_beside_its_neighbours() -> None:
 
 @pytest.mark.parametrize("options", [{"seconds": 0}, {"steps": 0}, {"steps": 1.5}])
 def test_a_shape_without_neighbours_is_refused(options: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="above zero|one or more"):
+    with pytest.raises(ValueError, match=r"above zero|one or more"):
         Shape(**options)  # type: ignore[arg-type]
