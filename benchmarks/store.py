@@ -26,6 +26,7 @@ from gesture_core.files import stamp
 from gesture_core.records import Row
 from gesture_core.run.inputs import Input
 from gesture_core.run.results import open_results
+from gesture_core.settings import LimitSettings
 
 LABELS = ("clap", "point", "push", "wave")
 FOLDER_HOLDS = 1000
@@ -112,17 +113,17 @@ def again(folder: Path) -> int:
 
 def export(folder: Path) -> int:
     """CSV, as `gesture export` writes it in a worker."""
-    from gesture_core.run.export import write_rows
+    from gesture_core.run.export import export_rows
 
-    write_rows(folder / "run", "csv", folder / "rows.csv")
+    export_rows(folder / "run", "csv", folder / "rows.csv", LimitSettings())
     return (folder / "rows.csv").stat().st_size
 
 
 def parquet(folder: Path) -> int:
     """Parquet."""
-    from gesture_core.run.export import write_rows
+    from gesture_core.run.export import export_rows
 
-    write_rows(folder / "run", "parquet", folder / "rows.parquet")
+    export_rows(folder / "run", "parquet", folder / "rows.parquet", LimitSettings())
     return (folder / "rows.parquet").stat().st_size
 
 
@@ -159,8 +160,9 @@ def main() -> None:
         os.chdir(folder)
         STEPS[given.step](folder)
         own, workers = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
-        cpu = own.ru_utime + own.ru_stime
-        print(f"{cpu:.1f} {own.ru_maxrss / 1024:.0f} {workers.ru_maxrss / 1024:.0f}", file=sys.stderr)
+        cpu = own.ru_utime + own.ru_stime + workers.ru_utime + workers.ru_stime
+        peak = max(own.ru_maxrss, workers.ru_maxrss)
+        print(f"{cpu:.1f} {peak / 1024:.0f}", file=sys.stderr)
         return
     header()
     folder.mkdir(parents=True, exist_ok=True)
@@ -169,7 +171,7 @@ def main() -> None:
         rows = sum(results.counts().values())
     size = (folder / "run" / "run.db").stat().st_size
     print(f"{rows} rows, run.db {size / 2**20:.0f} MiB, {size / rows:.0f} bytes a row\n")
-    print("| step | CPU s | peak MiB | peak MiB of a worker |\n|---|---|---|---|")
+    print("| step | CPU s | peak MiB |\n|---|---|---|")
     for name in STEPS:
         print(f"| {name} | {' | '.join(measured(name, folder))} |", flush=True)
 

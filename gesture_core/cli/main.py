@@ -237,5 +237,7 @@ def _refused(error: OSError) -> str:
 
 def _interrupted(arguments: Sequence[str]) -> str:
     if arguments and arguments[0] in ("classify", "spot", "extract", "evaluate"):  # keypoints are kept
-        return f"interrupted; resume with: gesture {shlex.join(arguments)}"
+        from gesture_core.run.addresses import shown
+
+        return f"interrupted; resume with: gesture {shlex.join(map(shown, arguments))}"
     return "interrupted"

@@ -17,14 +17,15 @@ from gesture_core.files import printable
 from gesture_core.report.alignments import alignment_record
 from gesture_core.report.row_previews import Preview, RowPreviews
 from gesture_core.run.extract import Listener, people_of
-from gesture_core.run.inputs import GONE, Input, look_again
+from gesture_core.run.found_again import GONE, look_again
+from gesture_core.run.inputs import Input
 from gesture_core.run.labels import label_inputs
 from gesture_core.run.results import open_results
 from gesture_core.run.store import Extracted
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
-from gesture_core.types import PoseSequence, Row, Signals
+from gesture_core.types import PoseSequence, Recording, Row, Signals
 
 COLUMNS = (
     "input", "person", "event", "label", "status", "code", "message", "note", "distance", "margin", "score",
@@ -219,7 +220,7 @@ class _Page:
         there = look_again(places, self.settings)
         for one in self.examples.values():
             item = there.get(one.name)
-            if item and item.kind in ("video", "keypoints"):
+            if item and item.readable:
                 by_key.setdefault(item.key, []).append(one)
                 items[item.key] = item
         for item, found, people in people_of(
@@ -235,7 +236,7 @@ class _Page:
         """Rows with their signals and where their previews begin, as the keypoints come."""
         chain = Chain.from_settings(self.settings)
         batch: list[tuple[_PageRow, Signals, float]] = []
-        readable = [item for item in self._items.values() if item.kind in ("video", "keypoints")]
+        readable = [item for item in self._items.values() if item.readable]
         readable = list({item.key: item for item in readable}.values())
         for item, found, people in people_of(readable, self.settings, workers=workers, listener=listener):
             by_number = {pose.person: pose for pose in people}
@@ -261,8 +262,12 @@ class _Page:
                 batch = []
         yield batch
 
-    def _want(self, one: _PageRow, item: Input, found: Extracted, pose: PoseSequence | None) -> None:
-        if pose is not None:
+    def _want(
+        self, one: _PageRow, item: Input, found: Extracted, pose: PoseSequence | Recording | None
+    ) -> None:
+        if isinstance(pose, Recording):
+            one.missing = "channels have no picture"
+        elif pose is not None:
             start, end = _stretch(pose)
             if one.row.event and one.row.start is not None and one.row.end is not None:
                 start, end = one.row.start, one.row.end

@@ -21,7 +21,8 @@ from gesture_core.errors import (
 from gesture_core.files import printable
 from gesture_core.records import Job, Row, Task, encoded
 from gesture_core.run.extract import Listener, people_of
-from gesture_core.run.inputs import Input, find_inputs
+from gesture_core.run.found_again import find_inputs
+from gesture_core.run.inputs import Input
 from gesture_core.run.results import open_results
 from gesture_core.run.store import write_keypoints
 from gesture_core.run.workers.clips import SAME

@@ -17,7 +17,8 @@ from gesture_core.errors import GestureError, InputError, RunFolderError
 from gesture_core.records import Row
 from gesture_core.run.annotations import event_of
 from gesture_core.run.extract import Listener, people_of
-from gesture_core.run.inputs import Input, find_inputs
+from gesture_core.run.found_again import find_inputs
+from gesture_core.run.inputs import Input
 from gesture_core.run.results import open_results
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict

@@ -105,10 +105,7 @@ class OpenEngine:
         PluginError
             Where the engine raises.
         """
-        tasks = [
-            Task(n, "extract", {"path": encoded(item.path), "member": item.member, "reader": item.reader})
-            for n, item in enumerate(items)
-        ]
+        tasks = [Task(n, "extract", _arguments(item)) for n, item in enumerate(items)]
         plugins, frames = registry(), self._listener.frames
         for outcome in self._run(tasks, lambda task, count: frames(items[task.number].name, count)):
             item = items[outcome.number]
@@ -190,6 +187,12 @@ class OpenEngine:
         for number in sorted(waiting):
             cause = f"{self._entry} gave no outcome"
             yield Outcome(number, error=PluginError(cause, remedy=instead, code="E_PLUGIN_CONTRACT"))
+
+
+def _arguments(item: Input) -> dict[str, str]:
+    """Of the worker function ``extract``."""
+    where = {"address": item.address} if item.address else {}
+    return {"path": encoded(item.path), "member": item.member, "reader": item.reader, **where}
 
 
 def extract_all(

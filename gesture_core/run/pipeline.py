@@ -21,6 +21,7 @@ from gesture_core.errors import Code, ConfigError, GestureError, InputError, Key
 from gesture_core.files import switched_on
 from gesture_core.pose.models import described
 from gesture_core.records import Job, Row, encoded
+from gesture_core.run.addresses import local_path
 from gesture_core.run.extract import Listener, OpenEngine
 from gesture_core.run.inputs import Input
 from gesture_core.run.labels import label_folders, word
@@ -144,7 +145,9 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         classes = Counter(str(label) for label in labels if label)
         named = {item.label for item in plan.examples if item.label}
         if request.labels == "folder":  # a folder stands for a label, whatever is in it
-            named |= set(map(word, label_folders(plan.examples, request.examples, request.out)))
+            named |= set(
+                map(word, label_folders(plan.examples, [*map(local_path, request.examples)], request.out))
+            )
         return RunSummary(
             request.out,
             results.counts(),
@@ -181,16 +184,12 @@ class _Run:
         """Extract, compare, commit, until nothing waits."""
         plan = self.plan
         for item in plan.waiting:
-            if item.kind in ("other", "broken"):
+            if not item.readable:
                 self._commit(item, [unread_row(item, plan.fingerprint)])
-        readable = [item for item in plan.waiting if item.kind in ("video", "keypoints")]
+        readable = [item for item in plan.waiting if item.readable]
         if not readable:
             return
-        examples = [
-            item
-            for item in plan.examples
-            if item.kind in ("video", "keypoints") and item.key not in plan.contradictions
-        ]
+        examples = [item for item in plan.examples if item.readable and item.key not in plan.contradictions]
         self._look_ahead(readable, examples)
         with OpenEngine(
             plan.settings,

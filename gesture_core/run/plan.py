@@ -13,6 +13,7 @@ from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import content_sha256, stamp, switched_on
 from gesture_core.plugin import registry
 from gesture_core.pose.models import choose_pose
+from gesture_core.run.addresses import fetch, local_path, look, roots, sha256_of, shown
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import (
     differences,
@@ -34,34 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What a run is to do.
-
-    Attributes
-    ----------
-    sources : tuple of str
-        Files, folders, globs or manifests.
-    out : Path
-        The run folder.
-    settings : Settings
-    examples : tuple of str
-        Sources of the examples; empty to extract keypoints only.
-    labels : str
-        How examples get their labels, see `labels.label_inputs`.
-    workers : int
-        Worker processes; 0 for one for each core.
-    engine : str
-        Name of an execution engine.
-    retry_errors : bool
-        Try inputs again whose row is an error.
-    label_columns : str
-        Headings of path and label in a table of labels.
-    overwrite : bool
-        Forget the rows of a run that was made with other settings.
-    spot : bool
-        Look for the examples in long recordings, instead of comparing them with whole inputs.
-    shard : str
-        ``K/N``: only the K-th of N parts of the inputs, see `shards.Shard`; empty for all of them.
-    """
+    """What a run is to do: the parameters of `archive.classify_archive`; without examples, extract only."""
 
     sources: tuple[str, ...]
     out: Path
@@ -143,7 +117,10 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     found = discover(request.sources, avoid=request.out, assistant=assistant)
     if not found:
         raise InputError(
-            "holds no input", subject=", ".join(request.sources), remedy="another path", code="E_EMPTY"
+            "holds no input",
+            subject=", ".join(map(shown, request.sources)),
+            remedy="another path",
+            code="E_EMPTY",
         )
     for place, item in enumerate(found):  # in their place, as there may be a million
         if shard is None or shard.holds(item):
@@ -170,7 +147,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     if not examples:
         from gesture_core.run.export import KeypointFiles
 
-        files = KeypointFiles(request.out, results, found, request.sources)
+        files = KeypointFiles(request.out, results, found, [*map(local_path, request.sources)])
     lacking = files.lacking() if files else set()
     undone = {item.key: item.stamp for item in inputs}
     for key, stamp_then in () if again else results.done(retry_errors=request.retry_errors):
@@ -186,7 +163,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     mark = fingerprint(configuration)
     part = part_of(shard, found, inputs)
     results.set({"configuration": configuration, "fingerprint": mark, "part": part})
-    gone = _gone(results, found)
+    gone = _gone(results, found, request.sources)
     results.forget(gone)
     if files:
         files.sweep()
@@ -212,11 +189,13 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
         why = next((f": {item.name}: {item.fault}" for item in found if item.fault), "")
         raise InputError(
             f"holds no example{why}",
-            subject=", ".join(request.examples),
+            subject=", ".join(map(shown, request.examples)),
             remedy="examples/<label>/<clip>" + (f", or for a picture {FRAMES}" if pictures else ""),
             code="E_EMPTY",
         )
-    labelled = label_inputs(found, request.labels, request.examples, request.label_columns)
+    labelled = label_inputs(
+        found, request.labels, [*map(local_path, request.examples)], request.label_columns
+    )
     # What nobody reads is a lost example where it has a label; without one it was never meant as any.
     return [
         item
@@ -243,6 +222,8 @@ def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:
 
 def _stamped(item: Input) -> Input:
     """With the file's stamp; without one, where it cannot be looked at, it never counts as known."""
+    if item.address:  # listed with it
+        return item
     with suppress(OSError):
         return replace(item, stamp=stamp(item.path))
     return item
@@ -255,9 +236,19 @@ def _hashed(item: Input, results: Results) -> Input:
     known = results.sha256(item) if item.stamp else None
     with suppress(OSError):
         if not known:
-            known = content_sha256(item.path)
+            known = _content(item)
             results.remember(item, known)
     return replace(item, sha256=known or "")
+
+
+def _content(item: Input) -> str:
+    """The content hash of an example, as it is now."""
+    if item.address:
+        entry = look(item.address)
+        if known := sha256_of(entry):
+            return known
+        fetch(entry, item.path)
+    return content_sha256(item.path)
 
 
 def _compared(
@@ -287,10 +278,15 @@ def _compared(
     return configuration, True
 
 
-def _gone(results: Results, inputs: Sequence[Input]) -> list[bytes]:
+def _gone(results: Results, inputs: Sequence[Input], sources: Sequence[str]) -> list[bytes]:
     """Keys of rows whose input no longer exists, or is now read in another way."""
     keys = {item.key for item in inputs}
-    strange = [(key, place) for key, place in results.places() if key not in keys]
+    listed = roots(sources)
+    strange = [
+        (key, place)
+        for key, place in results.places()
+        if key not in keys and (b"://" not in place or place.startswith(listed))
+    ]
     places = {item.place for item in inputs} if strange else set()
     return [key for key, place in strange if place in places or not os.path.lexists(place)]
 

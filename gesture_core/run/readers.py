@@ -26,6 +26,8 @@ class Readers:
     ----------
     channels : bool
         Inputs are recordings of channels instead of people.
+    pictures : bool
+        Pictures are inputs of one frame.
     suffixes : frozenset of str
         Those that readers announce.
     """
@@ -34,6 +36,7 @@ class Readers:
         plugins = registry()
         self._assistant = assistant
         self.channels = assistant.settings["signals"]["input"] == "channels"
+        self.pictures = bool(assistant.settings["video"]["pictures"])
         usable = plugins.names("reader", usable=True)
         every = [plugins.find("reader", name) for name in usable]
         self._every = [reader for reader in every if reader.channels == self.channels]

@@ -21,7 +21,8 @@ from gesture_core.errors import InputError, RunFolderError
 from gesture_core.files import replacing
 from gesture_core.records import Row
 from gesture_core.run.extract import Listener, people_of
-from gesture_core.run.inputs import Input, find_inputs
+from gesture_core.run.found_again import find_inputs
+from gesture_core.run.inputs import Input
 from gesture_core.run.results import DATABASE, open_results
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.signals.chain import Chain

@@ -81,10 +81,13 @@ class VideoSettings(_Section):
         Frames per second of streams without times; None takes the rate that their codec says, or 25.
     retime : None or float
         Frames per second of every video, instead of the times in the file, for files whose times are wrong.
+    pictures : bool
+        Take each picture (JPEG, PNG) for an input of one frame, a posture; otherwise pictures are no inputs.
     """
 
     fps: float | None = None
     retime: float | None = None
+    pictures: bool = False
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from bodies import J, pose, standing, waving
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gesture_core import GestureClassifier
 from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError, SignalError
 from gesture_core.plugin import registry
 from gesture_core.settings import load_settings, presets
@@ -259,3 +260,22 @@ def test_in_three_dimensions_a_mirror_is_the_other_hand() -> None:
 def test_what_needs_a_depth_says_so() -> None:
     with pytest.raises(PoseError, match="has no depth"):
         chain("depth")(pose(waving()))
+
+
+def posture(arm: float, seed: int) -> PoseSequence:
+    """A body whose right arm is held at an angle, in one frame."""
+    points = standing(1)
+    shoulder = points[0, J["right_shoulder"]]
+    way = np.array([-np.sin(np.radians(arm)), np.cos(np.radians(arm))])
+    points[0, J["right_elbow"]], points[0, J["right_wrist"]] = shoulder + 60 * way, shoulder + 115 * way
+    points += np.random.default_rng(seed).normal(0, 2, points.shape)
+    return PoseSequence(points, np.ones(points.shape[:2]), np.zeros(1), source=f"{arm} {seed}")
+
+
+def test_postures_of_one_frame_are_told_apart() -> None:
+    angles = {"down": 5.0, "side": 90.0, "up": 170.0}
+    X = [posture(angle, n) for angle in angles.values() for n in range(2)]
+    y = [name for name in angles for _ in range(2)]
+    fitted = GestureClassifier("pose").fit(X, y)
+    found = fitted.predict([posture(angle, 7) for angle in angles.values()])
+    assert found.tolist() == list(angles)

@@ -15,6 +15,7 @@ from gesture_core.files import content_sha256, stamp, switched_on, tree_sha256
 from gesture_core.plugin.abilities import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import decoded
+from gesture_core.run.addresses import drop, fetch, look, sha256_of
 from gesture_core.run.store import Extracted, Stored, mark_used, read_keypoints, write_keypoints
 from gesture_core.types import PoseSequence, Recording
 
@@ -91,10 +92,11 @@ class KeypointExtractor:
             raise PluginError(cause, code="E_PLUGIN_CONTRACT")
         return found
 
-    def extract(self, path: str, member: str, reader: str) -> dict[str, Any]:
+    def extract(self, path: str, member: str, reader: str, address: str = "") -> dict[str, Any]:
         """Keypoints of one input into the store: the fields of `Extracted`.
 
-        ``reader`` names its keypoint reader, and is empty for a video. An error of the input becomes its code
+        ``reader`` names its keypoint reader, and is empty for a video. With an ``address`` it is fetched,
+        unless its keypoints are there, and deleted afterwards. An error of the input becomes its code
         and message, as the hash that was found is worth keeping.
 
         Raises
@@ -102,19 +104,26 @@ class KeypointExtractor:
         RunFolderError
             ``E_STORE_WRITE``, after which no other input can succeed either.
         """
-        return asdict(self._extracted(decoded(path), member, reader))
+        return asdict(self._extracted(decoded(path), member, reader, address))
 
-    def _extracted(self, path: Path, member: str, reader: str) -> Extracted:
+    def _extracted(self, path: Path, member: str, reader: str, address: str) -> Extracted:
         found = Extracted(complete=False)
         try:
-            found = replace(found, stamp=stamp(path))
+            entry = look(address) if address else None
+            found = replace(found, stamp=entry.stamp if entry else stamp(path))
+            key = tree_sha256([self._job.keys[f"reader {reader}" if reader else "video"], member])
+            if entry and (sha256 := sha256_of(entry)):  # nothing need be fetched
+                known = replace(found, sha256=sha256)
+                if stored := self._from_store(_stored_name(sha256, key), known):
+                    return stored
+            if entry:
+                fetch(entry, path, self._worker.alive)
             if self._hashed[:2] != (path, found.stamp):  # once for all sequences in one file
                 sha256 = content_sha256(path, self._worker.alive)
                 self._hashed = (path, found.stamp, sha256)
             found = replace(found, sha256=self._hashed[2])
-            key = tree_sha256([self._job.keys[f"reader {reader}" if reader else "video"], member])
-            name = f"{found.sha256[:2]}/{found.sha256[:32]}-{key[:16]}.parquet"
-            return self._from_store(name, found) or self._fresh(path, member, reader, name, found)
+            name = _stored_name(found.sha256, key)
+            return self._from_store(name, found) or self._fresh(path, member, reader, name, found, address)
         except OSError as error:
             cause = f"cannot be read: {error.strerror or error}"
             return found.failed(InputError(cause, remedy="check its permissions", code="E_READ"))
@@ -122,6 +131,9 @@ class KeypointExtractor:
             if isinstance(error, RunFolderError) or error.code == "E_WORKER_MEMORY":
                 raise  # the first is everybody's, the second is tried again
             return found.failed(error)
+        finally:
+            if address and not member:  # of a file of several, the others' turn comes
+                drop(path)
 
     def _from_store(self, name: str, found: Extracted) -> Extracted | None:
         path = Path(self._job.store) / name
@@ -134,13 +146,15 @@ class KeypointExtractor:
         mark_used(path)
         return found.holding(stored, name, cached=True)
 
-    def _fresh(self, path: Path, member: str, reader: str, name: str, found: Extracted) -> Extracted:
+    def _fresh(
+        self, path: Path, member: str, reader: str, name: str, found: Extracted, address: str
+    ) -> Extracted:
         if reader:
             sequences, facts = self._from_reader(path, member, reader)
         else:
             sequences, facts = self._from_video(path)
         sequences = [sequence for sequence in sequences if sequence.frames_with_pose]
-        if stamp(path) != found.stamp:
+        if not address and stamp(path) != found.stamp:
             raise InputError("was written while it was read", remedy="--retry-errors", code="E_CHANGED")
         try:
             write_keypoints(Path(self._job.store) / name, sequences, facts)
@@ -252,6 +266,11 @@ class KeypointExtractor:
         for module in ("cv2", *registry().find("video", reader).needs):
             import_module(module)  # now, so that the first video does not seem to stand still
         return open_backend(self._settings, self._job.threads)
+
+
+def _stored_name(sha256: str, key: str) -> str:
+    """Where the keypoint store has the keypoints of a content, by the settings that ``key`` is a hash of."""
+    return f"{sha256[:2]}/{sha256[:32]}-{key[:16]}.parquet"
 
 
 def _checked(sequence: object, *, channels: bool) -> PoseSequence | Recording:
