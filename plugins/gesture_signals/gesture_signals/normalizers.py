@@ -141,8 +141,13 @@ class ViewNormalizer:
 
     Parameters
     ----------
-    window, floor, shoulders
-        Those of `TorsoNormalizer`.
+    window : float
+        Seconds of the running median of the torso's length; zero takes that of the whole sequence.
+    floor : float
+        Frames below this share of the sequence's median do not take part.
+    shoulders : float
+        Torso lengths in one shoulder distance, for a person whose hips are not seen; zero makes that
+        an error, E_POSE_SCALE.
     upright : bool
         Turn around the vertical axis of the picture alone, so that a bow in all frames stays one.
     """
