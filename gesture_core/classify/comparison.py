@@ -28,7 +28,7 @@ from gesture_core.types import SignalBatch, Signals
 Series = Signals | np.ndarray
 _CHOICES = 4
 """Choices of examples that stay prepared: those that some queries still have to be compared with."""
-_SIDE_OR_AXIS = re.compile(r"^(right|left)_|_[xy](?=[.@]|$)")
+_SIDE_OR_AXIS = re.compile(r"^(right|left)_|_[xy](?=[.@#]|$)|#\w+$")
 
 
 def compare(queries: Sequence[Series], examples: Sequence[Series], settings: Settings) -> np.ndarray:
@@ -200,8 +200,8 @@ def takes_parts(settings: Settings) -> bool:
 def parts(channels: Sequence[str]) -> dict[str, list[int]]:
     """Indices of the channels of each body part by its name, in the order of first appearance.
 
-    A part is named like its channels without side and axis: ``right_wrist_x.energy`` and
-    ``left_wrist_y.energy`` are ``wrist.energy``.
+    A part is named like its channels without side, axis and member: ``right_wrist_x.energy`` and
+    ``left_wrist_y.energy`` are ``wrist.energy``, ``left_fingers_x#thumb`` is ``fingers``.
     """
     places: dict[str, list[int]] = {}
     for index, channel in enumerate(channels):

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.errors import GestureError, PluginError, PoseError, SignalError
+from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError, SignalError
+from gesture_core.plugin.abilities import WholeBody
 from gesture_core.plugin.registry import calling, name_of, registry
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
 from gesture_core.signals.repair import repaired
-from gesture_core.skeletons import COCO18
+from gesture_core.skeletons import COCO18, skeleton
 from gesture_core.types import PoseSequence, Signals
 
 if TYPE_CHECKING:
     from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
     from gesture_core.settings import Settings
 
-CHANNELS = tuple(f"{name}_{axis}" for name in COCO18.joints for axis in "xy")
+
+@cache
+def channels_of(name: str) -> tuple[str, ...]:
+    """x and y of each joint of a skeleton."""
+    return tuple(f"{joint}_{axis}" for joint in skeleton(name).joints for axis in "xy")
+
+
+CHANNELS = channels_of(COCO18.name)
 
 
 @dataclass(frozen=True)
@@ -68,7 +77,18 @@ class Chain:
             registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
             for kind, name in [*steps, *(("filter", name) for name in chosen.filters)]
         ]
+        if isinstance(normalizer, WholeBody) and not settings.keypoints.whole:
+            raise ConfigError(
+                f"signals.normalizer = {chosen.normalizer!r} takes more than the body",
+                remedy="--set keypoints.parts=body,hands",
+                code="E_OPTION",
+            )
         return cls(normalizer, tuple(filters), selector, rule, chosen.still == "posture", chosen.repair)
+
+    @property
+    def skeleton(self) -> str:
+        """What the normalizer is given: the canonical body, or the whole one that it asks for."""
+        return self.normalizer.skeleton if isinstance(self.normalizer, WholeBody) else COCO18.name
 
     def __call__(self, pose: PoseSequence) -> Signals:
         """The signals of one person.
@@ -111,15 +131,18 @@ class Chain:
 
     def normalised(self, pose: PoseSequence) -> Signals:
         """The signals before selection and filters: every channel in body units, gaps filled."""
+        name = self.skeleton
+        if name != COCO18.name:  # joints that are not compared need no repair
+            pose = pose.onto(name)
         pose, frames = repaired(pose) if self.repair else (pose, 0)
         share = frames / max(len(pose), 1)
-        pose = require_pose(pose.as_coco18(), self.gaps)
+        pose = require_pose(pose.onto(name), self.gaps)
         joints, _ = fill_gaps(pose.keypoints, pose.times, self.gaps)
         # Scores of interpolated joints stay zero, so that later steps know them from seen ones.
         dense = replace(pose, keypoints=joints, scores=pose.scores)
         with calling(self.normalizer):
             points = self.normalizer.normalize(dense)
-        if np.shape(points) != (len(pose), len(COCO18.joints), 2):
+        if np.shape(points) != (len(pose), len(skeleton(name).joints), 2):
             raise _broke(self.normalizer, f"returned coordinates of shape {np.shape(points)}")
         # Frames that the normalizer does not trust are gaps like any other.
         points = np.where(np.isfinite(points).all(axis=2, keepdims=True), points, np.nan)
@@ -135,7 +158,7 @@ class Chain:
         return Signals(
             points.reshape(len(pose), -1),
             pose.times,
-            CHANNELS,
+            channels_of(name),
             present=np.repeat(present, 2),
             source=pose.source,
             repaired=share,

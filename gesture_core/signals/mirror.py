@@ -19,7 +19,7 @@ def mirror_sign(channel: str) -> int:
     The vector from one hand to the other also changes its ends, so that ``hands_y`` is reversed
     instead of ``hands_x``.
     """
-    name, _, kind = channel.partition("@")[0].partition(".")
+    name, _, kind = channel.partition("#")[0].partition("@")[0].partition(".")
     if kind in ("energy", "spread"):
         return 1
     return -1 if kind == "turning" or name.endswith("_y" if name.startswith("hands") else "_x") else 1

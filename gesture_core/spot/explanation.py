@@ -46,11 +46,12 @@ def explain_event(
     spot = replace(settings.spot, verify=False)
     settings = replace(settings, spot=spot)
     known = SpottingExamples.fit(settings, examples, labels, names)
-    parts = spans(pose.as_coco18(), spot.gap)
+    chain = stream_chain(settings)
+    parts = spans(pose.onto(chain.skeleton), spot.gap)
     span = [one for one in parts if one.times[0] <= event.end <= one.times[-1] + 1e-6]
     if not span:
         raise InputError("the person is not there at that time", subject=event.input, code="E_NO_COMMON")
-    signals = stream_chain(settings)(span[0])
+    signals = chain(span[0])
     last = int(np.searchsorted(signals.times, event.end - 1e-6))
     last = min(last, len(signals) - 1)
     first = max(0, last + 1 - 2 * max(map(len, known.series)) - 2)

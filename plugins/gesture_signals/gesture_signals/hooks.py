@@ -20,6 +20,11 @@ def register_normalizers(register: Register) -> None:
         "gesture_signals.normalizers:UprightNormalizer",
         summary="torso, after turning the body upright: a camera's roll does not matter",
     )
+    register(
+        "hands",
+        "gesture_signals.hands:HandsNormalizer",
+        summary="torso for the body; hands at their wrists by the palm, a face at its eyes",
+    )
 
 
 @hookimpl
