@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gesture_core.errors import InputError, KeypointError, SignalError
 from gesture_core.errors import Status as Status
+from gesture_core.recordings import Recording as Recording
 from gesture_core.records import COLUMNS as COLUMNS
 from gesture_core.records import Event as Event
 from gesture_core.records import Job as Job
@@ -81,9 +82,9 @@ class PoseSequence:
 
     Attributes
     ----------
-    keypoints : (T, J, 2) float32
-        x to the right, y down, in pixels of the upright picture (or in the unit of the keypoint
-        file). NaN in both coordinates where the joint is missing.
+    keypoints : (T, J, 2 or 3) float32
+        x to the right, y down, in pixels of the upright picture (or in the unit of the keypoint file); z,
+        where it is known, away from who looks. NaN in all coordinates where the joint is missing.
     scores : (T, J) float32
         Confidence in 0..1; zero where the joint is missing.
     times : (T,) float64
@@ -112,9 +113,9 @@ class PoseSequence:
     def __post_init__(self) -> None:
         points = _single(self.keypoints)
         joints = len(skeleton(self.skeleton).joints)
-        if points.ndim != 3 or points.shape[1:] != (joints, 2):
+        if points.ndim != 3 or points.shape[1:] not in ((joints, 2), (joints, 3)):
             raise KeypointError(
-                f"keypoints have shape {points.shape}, {self.skeleton} needs (T, {joints}, 2)",
+                f"keypoints have shape {points.shape}, {self.skeleton} needs (T, {joints}, 2 or 3)",
                 subject=self.source,
                 code="E_KEYPOINTS_SHAPE",
             )
@@ -163,7 +164,7 @@ class PoseSequence:
 
         Rounded to a thousandth of the longer side, as a row shows it.
         """
-        points = self.keypoints[self.seen]
+        points = self.keypoints[self.seen][:, :2]
         if not len(points):
             return ()
         if self.frame_size:
@@ -171,6 +172,11 @@ class PoseSequence:
         edges = np.concatenate([points.min(axis=0), points.max(axis=0)]).astype(np.float64)
         digits = 3 - int(np.ceil(np.log10(max(float((edges[2:] - edges[:2]).max()), 1e-6))))
         return tuple(round(edge, max(digits, 0)) for edge in edges.tolist())
+
+    @property
+    def flat(self) -> PoseSequence:
+        """The same sequence in the plane (itself where it already is)."""
+        return self if self.keypoints.shape[2] == 2 else replace(self, keypoints=self.keypoints[..., :2])
 
     def as_coco18(self) -> PoseSequence:
         """The same sequence in the canonical body (itself where it already is)."""

@@ -43,6 +43,8 @@ class ReadOptions:
         file that has them (`order_of_file`). By the number of joints where it is empty.
     fps : None or float
         Frames per second of files without times; 30 where it is left open.
+    depth : bool
+        Keep the third coordinate; a file without one is refused.
     parts : tuple of str
         What is kept of a person beside the body: ``body``, ``hands``, ``face``. Hands are then looked for in
         videos, too; a face is in keypoint files alone.
@@ -59,6 +61,7 @@ class ReadOptions:
     frame_size: tuple[int, ...] | None = None
     order: tuple[str, ...] = ()
     fps: float | None = None
+    depth: bool = False
     parts: tuple[str, ...] = ("body",)
 
     def __post_init__(self) -> None:

@@ -77,6 +77,7 @@ def classify_archive(
     retry_errors: bool = False,
     overwrite: bool = False,
     spot: bool = False,
+    shard: str = "",
     listener: Listener | None = None,
     **changes: Any,
 ) -> RunSummary:
@@ -101,6 +102,8 @@ def classify_archive(
         As in `RunRequest`.
     spot : bool
         Look for the examples in long recordings, see `spot_archive`.
+    shard : str
+        ``"3/16"``: only the third of 16 parts of the inputs, see `merge_runs`.
     listener : Listener, optional
         Told about the run as it goes on.
 
@@ -122,6 +125,7 @@ def classify_archive(
         retry_errors=retry_errors,
         overwrite=overwrite,
         spot=spot,
+        shard=shard,
     )
     return run_archive(request, listener)
 

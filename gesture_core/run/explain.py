@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -18,7 +17,8 @@ from gesture_core.errors import GestureError, InputError, RunFolderError
 from gesture_core.records import Row
 from gesture_core.run.annotations import event_of
 from gesture_core.run.extract import Listener, people_of
-from gesture_core.run.inputs import Input, find_inputs
+from gesture_core.run.found_again import find_inputs
+from gesture_core.run.inputs import Input
 from gesture_core.run.results import open_results
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
@@ -95,7 +95,7 @@ def explain(
     with open_results(run) as results:
         rows = list(results.rows())
         row = _row(rows, input, person, event)
-        configuration = json.loads(results.get("configuration") or "{}")
+        configuration = results.configuration
         left_out = {failed.input for failed in results.rows("example")}
         place = results.place_of(row.input)
         fingerprint = results.get("fingerprint") or ""  # of all its rows: other settings were refused

@@ -10,20 +10,22 @@ import re
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import PluginError, RunFolderError, WorkerError
 from gesture_core.files import replacing
 from gesture_core.plugin.registry import calling, registry
-from gesture_core.records import COLUMNS, Job
+from gesture_core.records import COLUMNS, Job, decoded, encoded
 from gesture_core.run.inputs import Input
 from gesture_core.run.results import Results, open_results
 from gesture_core.run.workers.engines import Assistant
-from gesture_core.run.workers.functions import encoded
 from gesture_core.settings import LimitSettings
+
+if TYPE_CHECKING:
+    from gesture_core.run.workers.worker import Worker
 
 _SECONDS_BETWEEN_SIGNS = 0.5
 
@@ -59,9 +61,15 @@ def export_rows(run: Path, format: str, path: Path | None, limits: LimitSettings
     return target
 
 
-def write_rows(run: Path, format: str, path: Path, alive: Callable[[], None] = lambda: None) -> None:
-    """Write the rows of ``run`` to ``path`` in this process; ``alive`` is called now and then."""
-    entry = registry().find("writer", format)
+def suffix(worker: Worker, format: str) -> str:
+    """What the names of the files that a result writer writes end in."""
+    with calling(registry().find("writer", format)):
+        return str(registry().make("writer", format).suffix)
+
+
+def write_rows(worker: Worker, run: str, format: str, path: str) -> None:
+    """Write the rows of a run to a file."""
+    entry, target = registry().find("writer", format), decoded(path)
     writer = registry().make("writer", format)
 
     def records() -> Iterator[dict[str, Any]]:
@@ -70,17 +78,20 @@ def write_rows(run: Path, format: str, path: Path, alive: Callable[[], None] = l
             for row in results.rows():
                 yield row.as_record()
                 if time.monotonic() - last > _SECONDS_BETWEEN_SIGNS:
-                    alive()
+                    worker.alive()
                     last = time.monotonic()
 
     kept, remedy = "every row of the run", "another --format, or report it"
     try:
-        with open_results(run) as results, calling(entry, kept=kept, remedy=remedy, passing=(OSError,)):
-            writer.write(records(), COLUMNS, path)
+        with (
+            open_results(decoded(run)) as results,
+            calling(entry, kept=kept, remedy=remedy, passing=(OSError,)),
+        ):
+            writer.write(records(), COLUMNS, target)
     except OSError as error:
         cause = f"the file cannot be written: {error.strerror or error}"
         raise RunFolderError(cause, kept=kept, remedy="free space there", code="E_RUN_WRITE") from error
-    if not path.is_file():
+    if not target.is_file():
         raise PluginError(f"{entry} wrote no file", kept=kept, code="E_PLUGIN_CONTRACT")
 
 

@@ -21,7 +21,8 @@ from gesture_core.errors import InputError, RunFolderError
 from gesture_core.files import replacing
 from gesture_core.records import Row
 from gesture_core.run.extract import Listener, people_of
-from gesture_core.run.inputs import Input, discover
+from gesture_core.run.found_again import find_inputs
+from gesture_core.run.inputs import Input
 from gesture_core.run.results import DATABASE, open_results
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.signals.chain import Chain
@@ -245,13 +246,16 @@ def add_corrections(
         raise RunFolderError(
             "holds no fitted examples", subject=str(run), remedy="gesture classify once more", code="E_NO_RUN"
         )
-    items = {item.key: item for item in discover([place for place in _places(rows) if place.exists()])}
+    keys = {row.input: key for key, row in rows.items() if row.distance is not None}
+    places = {name: os.fsdecode(key.partition(b"\0")[0]) for name, key in keys.items()}
+    there = find_inputs(places, recognizer.settings)
+    items = {keys[name]: item for name, item in there.items() if isinstance(item, Input)}
+    own = {item.key: key for key, item in items.items()}
     chain = Chain.from_settings(recognizer.settings)
     signals: dict[bytes, Signals] = {}
-    wanted = [item for key, item in items.items() if key in rows and rows[key].distance is not None]
-    for item, found, people in people_of(wanted, recognizer.settings, listener=listener):
-        if people and found.sha256 == rows[item.key].sha256:
-            signals[item.key] = chain(people[0])
+    for item, found, people in people_of(list(items.values()), recognizer.settings, listener=listener):
+        if people and found.sha256 == rows[own[item.key]].sha256:
+            signals[own[item.key]] = chain(people[0])
     lost = [one for one in usable if one.key not in signals]
     if lost:
         left_out["the clip is not what the run saw, or nobody is in it"] = len(lost)
@@ -328,10 +332,6 @@ def _reason(one: Answered) -> str:
     if set(one.label) & set("/\\") or one.label.startswith("."):
         return "a label that no folder of examples can have: gesture review --export makes a table of them"
     return ""
-
-
-def _places(rows: Mapping[bytes, object]) -> list[Path]:
-    return [Path(os.fsdecode(place)) for place in dict.fromkeys(key.partition(b"\0")[0] for key in rows)]
 
 
 def _copy(item: Input, folder: Path) -> Path:

@@ -276,6 +276,9 @@ def test_sources_that_are_none_are_refused(tmp_path: Path, drawn: DemoArchive) -
     (tmp_path / "note.txt").write_text("nothing", "utf-8")
     assert source_of("0", SETTINGS).name == "camera 0"
     assert source_of("rtsp://me:secret@host/1", SETTINGS).name == "rtsp://host/1"
+    assert source_of("rtsp://host/1?token=secret", SETTINGS).name == "rtsp://host/1"
+    assert source_of("http://me:secret@host/1;secret?a=secret#secret", SETTINGS).name == "http://host/1"
+    assert "cret" not in source_of("rtsp://me:se?cret@host/1", SETTINGS).name
     for source in (tmp_path / "none.mp4", tmp_path / "note.txt", drawn.videos):
         with pytest.raises(GestureError):
             source_of(source, SETTINGS)

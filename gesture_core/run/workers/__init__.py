@@ -1,6 +1,6 @@
 """Everything that may crash, hang or exceed its memory: named functions, called in worker processes.
 
-A run is calls of the functions in `functions`: try a model, ask a reader, extract keypoints, take an
+A run is calls of the functions in `worker.FUNCTIONS`: try a model, ask a reader, extract keypoints, take an
 example, fit, decide, write rows. Both engines of the package (`engines`) call the same table: ``processes``
 hands tasks to worker processes (`worker` is what runs in one), ``inline`` calls them in this process.
 An input whose task ends its process is tried once more, alone in a new process; then it gets a row that

@@ -17,6 +17,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import IO, Any
 
+from gesture_core.cores import usable_cores
 from gesture_core.errors import WorkerError
 from gesture_core.plugin.registry import show_tracebacks, tracebacks
 from gesture_core.records import Job, Outcome, Task
@@ -321,6 +322,21 @@ class InlineEngine:
         show_tracebacks(False)
 
 
+def perform_all(
+    job: Job,
+    tasks: Sequence[Task],
+    limits: LimitSettings,
+    workers: int,
+    on_frames: OnFrames = lambda task, frames: None,
+) -> Iterator[Outcome]:
+    """One outcome for each task, in worker processes (0: one for each core), which then end."""
+    engine = ProcessEngine(max(1, min(workers or usable_cores(), len(tasks))), limits)
+    try:
+        yield from engine.run(job, tasks, on_frames)
+    finally:
+        engine.close()
+
+
 class Assistant:
     """One worker that is asked one thing after the other, and told again what it knew if its process dies.
 
@@ -335,6 +351,11 @@ class Assistant:
     def __init__(self, job: Job, limits: LimitSettings, *, inline: bool = False) -> None:
         self._job = job
         self._engine = InlineEngine(1, limits) if inline else ProcessEngine(1, limits)
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """Those of its job, as plain values."""
+        return self._job.settings
 
     def ask(
         self,

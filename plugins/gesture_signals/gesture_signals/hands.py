@@ -64,6 +64,13 @@ class HandsNormalizer:
     def normalize(self, pose: PoseSequence) -> np.ndarray:
         """(T, 80, 2) float64 in torso lengths; NaN where a joint, or what its frame hangs on, is missing."""
         points = pose.keypoints.astype(np.float64)
+        if points.shape[2] != 2:
+            raise PoseError(
+                "hands are compared in the plane",
+                subject=pose.source,
+                remedy="--set keypoints.depth=false",
+                code="E_POSE_SCALE",
+            )
         out = np.full(points.shape, np.nan)
         palms = {side: self._palm(points, side, pose.times) for side in ("left", "right")}
         if np.isfinite(points[:, _AT["neck"]]).any():

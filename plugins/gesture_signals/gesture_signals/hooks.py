@@ -25,11 +25,21 @@ def register_normalizers(register: Register) -> None:
         "gesture_signals.hands:HandsNormalizer",
         summary="torso for the body; hands at their wrists by the palm, a face at its eyes",
     )
+    register(
+        "view",
+        "gesture_signals.normalizers:ViewNormalizer",
+        summary="torso in its own three axes: a turn of the body does not matter",
+    )
 
 
 @hookimpl
 def register_filters(register: Register) -> None:
     register("center", "gesture_signals.filters:Center", summary="subtract each channel's mean")
+    register(
+        "channels",
+        "gesture_signals.channels:Channels",
+        summary="values, velocities and energies of the channels of sensors, scaled or not",
+    )
     register("gaussian", "gesture_signals.filters:Gaussian", summary="Gaussian smoothing over frames")
     register(
         "parts",
