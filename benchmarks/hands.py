@@ -106,6 +106,10 @@ def borrowed(items: Sequence[Item], shared: Path, folder: Path) -> list[tuple[It
     people = sorted(person for person, hands in lent.items() if len(hands) == len(GESTURES))
     for number, path in enumerate(bodies):
         (pose,) = reader.read(path)
+        wrists = [skeleton(pose.skeleton).index(f"{side}_wrist") for side in ("left", "right")]
+        if pose.seen[:, wrists].any(axis=1).mean() < 0.5:
+            print(f"left out: {path.parent.name}/{path.name}: its wrists are seen in less than half of it")
+            continue
         try:
             GestureClassifier().signals([pose])
         except GestureError as error:

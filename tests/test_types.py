@@ -44,7 +44,7 @@ def test_the_callers_array_stays_writable_and_apart() -> None:
     ("points", "scores", "times", "code"),
     [
         (np.ones((2, 17, 2)), np.ones((2, 17)), [0, 1], "E_KEYPOINTS_SHAPE"),
-        (np.ones((2, 18, 3)), np.ones((2, 18)), [0, 1], "E_KEYPOINTS_SHAPE"),
+        (np.ones((2, 18, 4)), np.ones((2, 18)), [0, 1], "E_KEYPOINTS_SHAPE"),
         (np.ones((2, 18, 2)), np.ones((3, 18)), [0, 1], "E_KEYPOINTS_SHAPE"),
         (np.ones((2, 18, 2)), np.ones((2, 18)), [0], "E_KEYPOINTS_SHAPE"),
         (np.full((2, 18, 2), np.inf), np.ones((2, 18)), [0, 1], "E_KEYPOINTS_VALUE"),

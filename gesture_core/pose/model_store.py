@@ -182,7 +182,7 @@ def read_card(name: str) -> ModelFile:
         if (folder / file).is_symlink():
             raise ValueError(f"{file} is a link")
         known = known_by_hash(sha256)  # of whose contract an earlier version may have known nothing
-        found = ModelContract.from_table(contract, name) if contract else known and known.contract
+        found = ModelContract.from_table(contract, name) if contract else known.contract if known else None
         notes = str(table.get("licence", "")), str(table.get("origin", ""))
         return ModelFile(folder / file, sha256, name, found, *notes)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
