@@ -98,8 +98,10 @@ def classify_archive(
         With a CSV file: the headings of path and label, such as ``"filename,class"``.
     engine : str
         Name of an execution engine: ``processes``, or ``inline`` for debugging.
-    retry_errors, overwrite : bool
-        As in `RunRequest`.
+    retry_errors : bool
+        Try inputs again whose row is an error.
+    overwrite : bool
+        Forget the rows of a run that was made with other settings.
     spot : bool
         Look for the examples in long recordings, see `spot_archive`.
     shard : str

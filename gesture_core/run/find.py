@@ -121,12 +121,12 @@ def find(
     if strangers := [item.name for item in items if item.kind == "other"]:
         shown = ", ".join(strangers[:5]) + (", …" if strangers[5:] else "")
         warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)
-    readable = [item for item in items if item.kind in ("video", "keypoints")]
+    readable = [item for item in items if item.readable]
     if not readable:
         raise InputError("holds no recording", subject=", ".join(sources), code="E_EMPTY")
     query = _query(clip, ready, listener)
     found = Findings(failed=failed)
-    with _Search(query, ready, top, workers or usable_cores()) as search:
+    with _Workers(query, ready, top, workers or usable_cores()) as search:
         waiting: list[tuple[Input, Extracted]] = []
         for item, extracted in extract_all(readable, ready, workers=workers, listener=listener):
             if extracted.code:
@@ -145,7 +145,7 @@ def find(
 def _query(clip: str | os.PathLike[str], settings: Settings, listener: Listener) -> Extracted:
     """The keypoints of the clip, in the store."""
     items = discover([clip], settings=settings)
-    if len(items) != 1 or items[0].kind not in ("video", "keypoints"):
+    if len(items) != 1 or not items[0].readable:
         cause = items[0].fault if len(items) == 1 and items[0].fault else f"holds {len(items)} inputs"
         raise InputError(cause, subject=os.fspath(clip), remedy="one clip", code="E_INPUT")
     (item,) = items
@@ -192,7 +192,7 @@ class Searcher:
         return found
 
 
-class _Search:
+class _Workers:
     """Workers that know the query, as a context manager."""
 
     def __init__(self, query: Extracted, settings: Settings, top: int, workers: int) -> None:
@@ -202,7 +202,7 @@ class _Search:
         self._job = Job(settings.as_dict(), str(keypoint_store()))
         self._top = top
 
-    def __enter__(self) -> _Search:
+    def __enter__(self) -> _Workers:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -95,6 +95,11 @@ class Input:
         object.__setattr__(self, "key", place + b"\0" + self.member.encode("utf-8", "surrogatepass"))
 
     @property
+    def readable(self) -> bool:
+        """It is a video, or keypoints that somebody reads."""
+        return self.kind in ("video", "keypoints")
+
+    @property
     def place(self) -> bytes:
         """The exact bytes of the absolute path."""
         return self.key.partition(b"\0")[0]

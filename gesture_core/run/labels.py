@@ -63,7 +63,7 @@ def label_inputs(
     labelled = []
     for item in items:
         label = word(item.label or find(item) or "")
-        if not label and item.kind not in ("broken", "other"):
+        if not label and item.readable:
             fault, remedy = find.refusal(item)
             cause = f"no label for {item.name} by {labels!r}" + (f": {fault}" if fault else "")
             raise ConfigError(cause, remedy=remedy, code="E_LABELS")
@@ -202,7 +202,7 @@ class FolderLabels:
         if self._are_roots:
             self._check_roots()
         elif self._level is None:
-            self._check([item for item in items if item.kind in ("video", "keypoints")])
+            self._check([item for item in items if item.readable])
 
     def __call__(self, item: Input) -> str | None:
         if self._level is not None and self._level < 0:
@@ -308,7 +308,7 @@ def _are_labels(items: Sequence[Input], roots: Sequence[Path]) -> bool:
     """Whether the roots are folders of clips side by side."""
     if len(roots) < 2 or len({root.absolute().parent for root in roots}) > 1:
         return False
-    clips = [item for item in items if item.kind in ("video", "keypoints")]
+    clips = [item for item in items if item.readable]
     return bool(clips) and all(item.path.parent in roots for item in clips)
 
 

@@ -35,34 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What a run is to do.
-
-    Attributes
-    ----------
-    sources : tuple of str
-        Files, folders, globs or manifests.
-    out : Path
-        The run folder.
-    settings : Settings
-    examples : tuple of str
-        Sources of the examples; empty to extract keypoints only.
-    labels : str
-        How examples get their labels, see `labels.label_inputs`.
-    workers : int
-        Worker processes; 0 for one for each core.
-    engine : str
-        Name of an execution engine.
-    retry_errors : bool
-        Try inputs again whose row is an error.
-    label_columns : str
-        Headings of path and label in a table of labels.
-    overwrite : bool
-        Forget the rows of a run that was made with other settings.
-    spot : bool
-        Look for the examples in long recordings, instead of comparing them with whole inputs.
-    shard : str
-        ``K/N``: only the K-th of N parts of the inputs, see `shards.Shard`; empty for all of them.
-    """
+    """What a run is to do: the parameters of `archive.classify_archive`; without examples, extract only."""
 
     sources: tuple[str, ...]
     out: Path
