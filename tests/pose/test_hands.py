@@ -14,7 +14,7 @@ from gesture_core.pose.decode import decode
 from gesture_core.pose.extract import extract_poses
 from gesture_core.pose.hands import HandFinder, after_landmarks, open_hands
 from gesture_core.pose.live import LivePose
-from gesture_core.pose.models import choose_pose, known_models
+from gesture_core.pose.models import ModelFile, choose_pose, known_models
 from gesture_core.pose.network import NetworkBackend
 from gesture_core.settings import load_settings
 from gesture_core.skeletons import COCO18, HANDS42, skeleton

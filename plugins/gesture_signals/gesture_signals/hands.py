@@ -46,7 +46,7 @@ class HandsNormalizer:
     window: float = 0.25
     floor: float = 0.2
     shoulders: float = 1.45
-    turn: Literal["forearm", "hand", "none"] = "hand"
+    turn: Literal["forearm", "hand", "none"] = "forearm"
     steady: float = 1.0
 
     def __post_init__(self) -> None:
