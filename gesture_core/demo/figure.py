@@ -10,6 +10,11 @@ import numpy as np
 from gesture_core.skeletons import COCO18
 
 Colour = tuple[int, int, int]
+_SKIN = ((150, 185, 225), (110, 150, 200), (85, 120, 170), (60, 85, 130), (45, 60, 95))
+_HAIR = ((30, 35, 45), (25, 45, 80), (60, 110, 150), (40, 40, 40), (140, 140, 145))
+REST = (8.0, 4.0)
+Angles = np.ndarray
+"""(T, 2) degrees: upper arm, forearm."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +48,6 @@ class Body:
     trousers: Colour
     wall: Colour
     floor: Colour
-
-
-_SKIN = ((150, 185, 225), (110, 150, 200), (85, 120, 170), (60, 85, 130), (45, 60, 95))
-_HAIR = ((30, 35, 45), (25, 45, 80), (60, 110, 150), (40, 40, 40), (140, 140, 145))
 
 
 def random_body(rng: np.random.Generator, size: tuple[int, int]) -> Body:
@@ -123,9 +124,6 @@ def _direction(degrees: np.ndarray, sign: float) -> np.ndarray:
     return np.stack([sign * np.sin(angle), np.cos(angle)], axis=1)
 
 
-REST = (8.0, 4.0)
-
-
 @dataclass(frozen=True)
 class Style:
     """How one performer performs.
@@ -146,10 +144,6 @@ class Style:
     amplitude: float = 1.0
     phase: float = 0.0
     cycles: float = 2.5
-
-
-Angles = np.ndarray
-"""(T, 2) degrees: upper arm, forearm."""
 
 
 def _arm(upper: np.ndarray | float, fore: np.ndarray | float, envelope: np.ndarray) -> Angles:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 SOFT = DtwSpec(mode="dependent", cost="squared", reduce="sum", gamma=1.0)
 """The specification of Cuturi and Blondel, and of tslearn."""
+AVERAGING = DtwSpec(mode="dependent", cost="squared", reduce="sum")
 
 
 def soft_warping(
@@ -200,9 +201,6 @@ def _soft(spec: DtwSpec) -> DtwSpec:
     if as_spec(spec).gamma is None:
         raise ConfigError("soft-DTW without dtw.gamma", remedy="gamma = 1.0", code="E_OPTION")
     return spec
-
-
-AVERAGING = DtwSpec(mode="dependent", cost="squared", reduce="sum")
 
 
 def barycenter(

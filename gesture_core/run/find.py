@@ -13,7 +13,7 @@ from gesture_core.cores import usable_cores
 from gesture_core.errors import Code, ConfigError, GestureError, InputError
 from gesture_core.records import Job, Task
 from gesture_core.run.archive import Sources, as_strings, with_changes
-from gesture_core.run.extract import Listener, extract_all, people_of
+from gesture_core.run.extract import Listener, extract_all, first_person
 from gesture_core.run.found_again import find_inputs
 from gesture_core.run.inputs import Input, discover
 from gesture_core.run.results import DATABASE, open_results
@@ -149,12 +149,7 @@ def _query(clip: str | os.PathLike[str], settings: Settings, listener: Listener)
         cause = items[0].fault if len(items) == 1 and items[0].fault else f"holds {len(items)} inputs"
         raise InputError(cause, subject=os.fspath(clip), remedy="one clip", code="E_INPUT")
     (item,) = items
-    ((_, extracted, people),) = people_of([item], settings, workers=1, listener=listener)
-    if extracted.code:
-        raise GestureError(extracted.message, subject=item.name, code=extracted.code)
-    if not people:
-        raise InputError("nobody is in it", subject=item.name, remedy="another clip", code="E_NO_PERSON")
-    return extracted
+    return first_person(item, settings, listener=listener)[0]
 
 
 class Searcher:

@@ -23,6 +23,21 @@ _REMEDY = (
     "examples/<label>/<clip>, a CSV file with path and label, or a regular expression "
     "(one with a / is searched in the whole path)"
 )
+LEVEL = re.compile(r"folder(?::(-?\d+))?")
+"""``folder``, or ``folder:`` and a level."""
+# Folders that are parts of a data set.
+_PARTS = frozenset(
+    "train training trn val valid validation dev eval evaluation test testing tst holdout".split()
+)
+# What people are called in front of their number.
+_PEOPLE = frozenset(
+    "s sub subj subject p person people u user a actor participant signer performer id".split()
+)
+_NUMBER = re.compile(r"[\d\W_]+")
+# Of the folders that lie in any of the folders above, each of these holds this share on average: the same.
+_ALIKE = 0.5
+_SHOWN = 4
+Folders = tuple[str, ...]
 
 
 class Labels(Protocol):
@@ -154,24 +169,6 @@ def _accented(letter: str) -> bool:
     """An accent, or a letter beyond ASCII of a writing with capitals: others put no spaces between words."""
     cased = letter.lower() != letter.upper()
     return not letter.isascii() and (cased or bool(unicodedata.combining(letter)))
-
-
-LEVEL = re.compile(r"folder(?::(-?\d+))?")
-"""``folder``, or ``folder:`` and a level."""
-# Folders that are parts of a data set.
-_PARTS = frozenset(
-    "train training trn val valid validation dev eval evaluation test testing tst holdout".split()
-)
-# What people are called in front of their number.
-_PEOPLE = frozenset(
-    "s sub subj subject p person people u user a actor participant signer performer id".split()
-)
-_NUMBER = re.compile(r"[\d\W_]+")
-# Of the folders that lie in any of the folders above, each of these holds this share on average: the same.
-_ALIKE = 0.5
-_SHOWN = 4
-
-Folders = tuple[str, ...]
 
 
 class FolderLabels:

@@ -113,7 +113,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         settings (E_CONFIG_CHANGED). The results are as they were.
     """
     settings, shard = request.settings, Shard.parse(request.shard)
-    registry().find("engine", request.engine)
+    registry().load("engine", request.engine)
     found = discover(request.sources, avoid=request.out, assistant=assistant)
     if not found:
         raise InputError(
@@ -222,7 +222,7 @@ def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:
 
 def _stamped(item: Input) -> Input:
     """With the file's stamp; without one, where it cannot be looked at, it never counts as known."""
-    if item.address:  # listed with it
+    if item.stamp:  # it was found with it
         return item
     with suppress(OSError):
         return replace(item, stamp=stamp(item.path))
