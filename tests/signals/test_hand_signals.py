@@ -35,7 +35,7 @@ def turned(pose: PoseSequence, joints: list[int], angle: float, size: float = 1.
 @pytest.mark.parametrize("turn", ["hand", "forearm", "none"])
 def test_a_hand_is_seen_from_its_wrist_in_its_own_size(turn: str) -> None:
     pose = draw_whole(WHOLE.name)
-    normalizer = HandsNormalizer(turn=turn, steady=0.0)  # type: ignore[arg-type]
+    normalizer = HandsNormalizer(turn=turn, steady=0.0, face=True)  # type: ignore[arg-type]
     plain = normalizer.normalize(pose)
     np.testing.assert_allclose(plain[:, RIGHT[0]], 0, atol=1e-9)
     palm = np.linalg.norm(plain[:, AT["right_middle_mcp"]], axis=1)
@@ -54,7 +54,9 @@ def test_a_hand_is_seen_from_its_wrist_in_its_own_size(turn: str) -> None:
 def test_a_face_is_level_between_its_eyes() -> None:
     pose = draw_whole(WHOLE.name)
     face = [AT[joint] for joint in WHOLE.group("face")]
-    one, other = (HandsNormalizer().normalize(p)[:, face] for p in (pose, turned(pose, face, 0.4, 1.5)))
+    one, other = (
+        HandsNormalizer(face=True).normalize(p)[:, face] for p in (pose, turned(pose, face, 0.4, 1.5))
+    )
     np.testing.assert_allclose(one, other, atol=1e-3)
     assert np.isfinite(one).all()
 
@@ -63,7 +65,7 @@ def test_the_body_is_that_of_the_torso() -> None:
     from gesture_signals.normalizers import TorsoNormalizer
 
     pose = draw_whole(WHOLE.name)
-    body = HandsNormalizer().normalize(pose)[:, :18]
+    body = HandsNormalizer(face=True).normalize(pose)[:, :18]
     np.testing.assert_array_equal(body, TorsoNormalizer(0.25, 0.2, 1.45).normalize(pose)[:, :18])
 
 
@@ -79,17 +81,16 @@ def test_hands_alone_take_the_place_of_a_body() -> None:
         "elbow" in name for name in there
     )
     with pytest.raises(PoseError, match="neither a neck nor a hand"):
-        HandsNormalizer().normalize(replace(pose, keypoints=np.full_like(pose.keypoints, np.nan)))
+        HandsNormalizer(face=True).normalize(replace(pose, keypoints=np.full_like(pose.keypoints, np.nan)))
     with pytest.raises(PoseError, match="plane"):
-        HandsNormalizer().normalize(
+        HandsNormalizer(face=True).normalize(
             replace(pose, keypoints=np.dstack([pose.keypoints, pose.keypoints[..., :1]]))
         )
 
 
 def test_fingers_have_one_warping() -> None:
-    signals = replace(Chain.from_settings(load_settings("hands", environment={})), filters=())(
-        draw_whole(WHOLE.name)
-    )
+    settings = load_settings("hands", ["hands.face=true"], environment={})
+    signals = replace(Chain.from_settings(settings), filters=())(draw_whole(WHOLE.name))
     made = Parts({"fingers": 1.0, "fingers.bend": 1.0, "index_end": 1.0, "lips": 1.0}).apply(signals)
     found = parts(made.channels)
     assert {part: len(channels) for part, channels in found.items()} == {

@@ -41,6 +41,8 @@ class HandsNormalizer:
         hand; or what does so in the picture.
     steady : float
         Seconds of the running median of the size of a palm.
+    face : bool
+        Take the face, too.
     """
 
     window: float = 0.25
@@ -48,6 +50,7 @@ class HandsNormalizer:
     shoulders: float = 1.45
     turn: Literal["forearm", "hand", "none"] = "forearm"
     steady: float = 1.0
+    face: bool = False
 
     def __post_init__(self) -> None:
         TorsoNormalizer(self.window, self.floor, self.shoulders)
@@ -58,11 +61,11 @@ class HandsNormalizer:
 
     @property
     def skeleton(self) -> str:
-        """``coco18+hands+face``."""
-        return _WHOLE.name
+        """``coco18+hands``, and ``+face`` where it is taken."""
+        return _WHOLE.name if self.face else _WHOLE.name.removesuffix("+face")
 
     def normalize(self, pose: PoseSequence) -> np.ndarray:
-        """(T, 80, 2) float64 in torso lengths; NaN where a joint, or what its frame hangs on, is missing."""
+        """(T, 60 or 80, 2) float64 in torso lengths; NaN where a joint, or what its frame needs, is missing."""
         points = pose.keypoints.astype(np.float64)
         if points.shape[2] != 2:
             raise PoseError(
@@ -87,6 +90,8 @@ class HandsNormalizer:
             if self.turn != "none":
                 hand = _turned(hand, np.stack([-up[:, 1], up[:, 0]], axis=1))
             out[:, own] = PALM * hand / palm[:, None, None]
+        if not self.face:
+            return out
         face = [_AT[joint] for joint in FACE]
         right, left = (_eye(points, side) for side in ("right", "left"))
         apart = np.linalg.norm(left - right, axis=1)
