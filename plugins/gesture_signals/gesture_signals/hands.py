@@ -65,7 +65,7 @@ class HandsNormalizer:
         return _WHOLE.name if self.face else _WHOLE.name.removesuffix("+face")
 
     def normalize(self, pose: PoseSequence) -> np.ndarray:
-        """(T, 60 or 80, 2) float64 in torso lengths; NaN where a joint, or what its frame needs, is missing."""
+        """(T, 60 or 80, 2) float64 in torso lengths; NaN where a joint or its frame is missing."""
         points = pose.keypoints.astype(np.float64)
         if points.shape[2] != 2:
             raise PoseError(
