@@ -44,7 +44,7 @@ class ReadOptions:
     fps : None or float
         Frames per second of files without times; 30 where it is left open.
     depth : bool
-        Keep the third coordinate; a file without one is refused.
+        Keep the third coordinate; a file without one is refused. Of the networks `blazepose` gives one.
     parts : tuple of str
         What is kept of a person beside the body: ``body``, ``hands``, ``face``. Hands are then looked for in
         videos, too; a face is in keypoint files alone.

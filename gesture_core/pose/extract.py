@@ -12,7 +12,7 @@ import numpy as np
 from gesture_core.errors import ConfigError, PluginError, PoseError
 from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable, lacking
 from gesture_core.plugin.registry import calling
-from gesture_core.pose.follow import Follower
+from gesture_core.pose.follow import Follower, Frame
 from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import HANDS42, skeleton, with_parts
 from gesture_core.types import Person, PoseSequence
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from gesture_core.pose.region import RegionFollower
     from gesture_core.settings import Settings
 
-Frame = tuple[float, np.ndarray]
-REVISION = 3
+REVISION = 4
 """Goes up when the same network gives other keypoints than before: stored ones are then not used again."""
 
 
@@ -166,6 +165,7 @@ def extract_poses(
     scores: list[np.ndarray] = []
     peaks: list[np.ndarray] = []
     found: list[Person] = []
+    depths: list[np.ndarray | None] = []
     others = 0
     stream = iter(frames)
     while batch := list(islice(stream, backend.batch_size)):
@@ -176,12 +176,13 @@ def extract_poses(
             for frame, everybody in zip(pictures, backend.estimate(pictures, people), strict=True):
                 tracker.add([_with_hands(hands, frame, one) for one in everybody] if hands else everybody)
             continue
-        seen = follower.estimate(pictures) if follower else _best(backend, pictures)
+        seen = follower.estimate(batch) if follower else _best(backend, pictures)
         if hands:
             found += [hands.find(frame, person) for frame, person in zip(pictures, seen, strict=True)]
         for person in seen:
             points.append(person.keypoints if person else np.full((joints, 2), np.nan))
             scores.append(person.scores if person else np.zeros(joints))
+            depths.append(person.depth if person else None)
             others += bool(person and person.others)
             if choice:
                 peaks.append(choice.peaks_of(person))
@@ -198,10 +199,15 @@ def extract_poses(
     where, certain = np.stack(points), np.stack(scores)
     if choice:
         where, certain = choice.choose(where, certain, np.stack(peaks), at)
+    depth = None
+    if any(one is not None for one in depths):
+        depth = np.stack([np.full(joints, np.nan) if one is None else one for one in depths])
     if hands:
         where = np.concatenate([where, np.stack([one.keypoints for one in found])], axis=1)
         certain = np.concatenate([certain, np.stack([one.scores for one in found])], axis=1)
-    return [PoseSequence(where, certain, at, name, size, 0, source, provenance)]
+        if depth is not None:  # of a hand there is none
+            depth = np.concatenate([depth, np.full((len(depth), len(HANDS42.joints)), np.nan)], axis=1)
+    return [PoseSequence(where, certain, at, name, size, 0, source, provenance, depth)]
 
 
 def _with_hands(hands: HandFinder, frame: np.ndarray, person: Person) -> Person:

@@ -186,6 +186,8 @@ class KeypointExtractor:
                     source=str(path),
                 )
             report = video.report
+        if settings.keypoints.depth:
+            sequences = [sequence.solid for sequence in sequences]
         others = sum(int(sequence.provenance.get("others", 0)) for sequence in sequences)
         frames.flush()
         return sequences, {
