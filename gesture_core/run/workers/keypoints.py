@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import KeypointReader, PoseBackend, Video
+    from gesture_core.pose.hands import HandFinder
     from gesture_core.run.workers.worker import Worker
     from gesture_core.video.reader import Picture
 
@@ -177,7 +178,12 @@ class KeypointExtractor:
             frames = _Looked(video, settings.pose.rate, self._worker.report)
             with calling(registry().find("pose", settings.pose.backend), passing=(OSError,)):
                 sequences = extract_poses(
-                    frames, backend, settings.pose.people, follow=settings.pose.follow, source=str(path)
+                    frames,
+                    backend,
+                    settings.pose.people,
+                    follow=settings.pose.follow,
+                    hands=self.hands,
+                    source=str(path),
                 )
             report = video.report
         if settings.keypoints.depth:
@@ -257,6 +263,15 @@ class KeypointExtractor:
                 "reader", name, self._settings.plugin_options(name), **taken
             )
         return self._readers[name]
+
+    @cached_property
+    def hands(self) -> HandFinder | None:
+        """What finds hands, where the settings ask for them."""
+        if "hands" not in self._settings.keypoints.parts:
+            return None
+        from gesture_core.pose.hands import open_hands
+
+        return open_hands(self._settings, self.backend.skeleton, self._job.threads)
 
     @cached_property
     def backend(self) -> PoseBackend:

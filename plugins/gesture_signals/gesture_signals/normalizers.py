@@ -80,7 +80,7 @@ class TorsoNormalizer:
             length = self.shoulders * np.linalg.norm(across, axis=1)
             what = "distance between the shoulders"
         length = _trusted(pose, length, self.floor, what)
-        scale = _median_over_time(length, pose.times, self.window)[:, None, None]
+        scale = median_over_time(length, pose.times, self.window)[:, None, None]
         points: np.ndarray = _relative_to_neck(pose) / scale
         return points
 
@@ -190,7 +190,7 @@ class ViewNormalizer:
         return turned
 
 
-def _median_over_time(values: np.ndarray, times: np.ndarray, window: float) -> np.ndarray:
+def median_over_time(values: np.ndarray, times: np.ndarray, window: float) -> np.ndarray:
     """(T,) median of the finite ``values`` within ``window`` seconds around each frame.
 
     A frame with no finite value near it takes the median of all; at least one must be finite.
