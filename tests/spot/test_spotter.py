@@ -163,7 +163,9 @@ def test_a_lost_person_begins_a_new_stream(
 
 def test_a_stream_keeps_the_depth_that_its_network_gives(drawn: DemoArchive) -> None:
     poses, labels = examples_of(drawn)
-    pose = replace(poses[0], keypoints=poses[0].keypoints.copy(), depth=20 * np.sin(poses[0].keypoints[..., 0]))
+    pose = replace(
+        poses[0], keypoints=poses[0].keypoints.copy(), depth=20 * np.sin(poses[0].keypoints[..., 0])
+    )
     spotter = Spotter([pose.solid], labels[:1], "depth", live=True)
     nobody = replace(poses[0].part(slice(5)), keypoints=np.full((5, 18, 2), np.nan))
     for part in (nobody, pose, replace(nobody, times=pose.times[-1] + 0.05 + nobody.times)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,7 +21,7 @@ from gesture_pose_files.npz import array_in, members_of, opened
 from gesture_pose_files.reader import clip_called
 from gesture_pose_files.series_archives import Series, is_archive, series_in
 from gesture_pose_files.series_streams import BEGAN, files_of, in_step
-from gesture_pose_files.table import number_in, numbers_of, rows_of, split_header
+from gesture_pose_files.table import number_in, numbers_of, rows_of, seconds_in, split_header
 
 _LOOKED_AT = 20
 _STILL = 10
@@ -321,10 +320,7 @@ def _odd(values: np.ndarray, channels: Sequence[str]) -> list[str]:
 
 def _dates(cells: Sequence[str], source: str) -> np.ndarray:
     """Seconds of dates as ISO 8601 writes them."""
-    try:
-        times = dated(np.array([cell.strip().rstrip("Z") for cell in cells], "datetime64[ns]"))
-    except ValueError:
-        times = np.full(1, math.nan)
+    times = np.array([seconds_in(cell) for cell in cells], np.float64)
     if np.isnan(times).any():
         raise KeypointError(
             f"its times, such as {cells[0].strip()[:30]!r}, are neither numbers nor dates",
