@@ -13,6 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from gesture_core import Spotter, load_settings
 from gesture_core.classify.comparison import Comparison
 from gesture_core.classify.learning import calibrated_thresholds
 from gesture_core.errors import GestureError
+from gesture_core.run.calibrate import OPEN, choose_tolerance
 from gesture_core.settings import Settings
 from gesture_core.signals.chain import Chain
 from gesture_core.spot.candidates import Candidate
@@ -41,10 +43,10 @@ GOALS = {
     "MSRC-12": "78",
     "body_gesture strings, videos, _none": "65",
 }
-_HOP = 0.2
+_HOP = 0.25
 """Seconds from one window to the next."""
-_LENGTHS = (0.7, 1.0, 1.4)
-"""Of the windows, as shares of the median length of each gesture's examples."""
+_LENGTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Of the windows, as quantiles of those of the examples."""
 _TOGETHER = 256
 """Windows that are compared in one call."""
 
@@ -68,7 +70,7 @@ def spotted(
 def sliding(
     items: Sequence[Item], settings: Settings, recordings: Sequence[Recording]
 ) -> Iterator[list[Event]]:
-    """The nearest example to windows of usual lengths; the nearest windows first, none over another.
+    """The nearest example to windows of five lengths; the nearest windows first, none over another.
 
     Thresholds are mean and deviation of the distances from the examples of a class to the nearest other one.
     """
@@ -78,11 +80,8 @@ def sliding(
     classes, codes = np.unique([item.label for item in items], return_inverse=True)
     every = np.arange(len(items))
     limits = calibrated_thresholds(comparison.distances(series), codes, len(classes), 1.0, every)
-    usual = [
-        np.median([item.pose.times[-1] - item.pose.times[0] for item in items if item.label == label])
-        for label in classes
-    ]
-    lengths = np.unique(np.round([share * one for one in usual for share in _LENGTHS], 1))
+    durations = [item.pose.times[-1] - item.pose.times[0] for item in items]
+    lengths = np.quantile(durations, _LENGTHS)
     for recording in recordings:
         waiting = Suppression(lambda one: one.distance <= limits[one.code], settings.spot.overlap, np.inf)
         windows: list[tuple[float, float, Signals]] = []
@@ -143,6 +142,7 @@ def main() -> None:
     parser.add_argument("--sets", nargs="*", default=[], help="only those whose names begin so")
     parser.add_argument("--videos", type=Path, help="keypoints of body_gesture, as videos.py leaves them")
     parser.add_argument("--set", nargs="*", default=[], help="settings, as of gesture spot")
+    parser.add_argument("--calibrate", action="store_true", help="tolerances by the recordings of others")
     parser.add_argument("--live", action="store_true", help="frame by frame, without a sliding window")
     given = parser.parse_args()
     settings = load_settings(None, [*given.set, *(["spot.live=true"] if given.live else [])])
@@ -161,12 +161,41 @@ def main() -> None:
         if given.sets and not name.startswith(tuple(given.sets)):
             continue
         for title, method in methods.items():
-            _print_row(name, title, method, recordings, items, points if name == "MSRC-12" else {}, settings)
+            own = points if name == "MSRC-12" else {}
+            tolerances: Mapping[str, float] = {}
+            if given.calibrate and title == "spot":
+                title, tolerances = "spot, calibrated", tolerances_by_others(recordings, items, settings)
+            _print_row(name, title, method, recordings, items, own, settings, tolerances)
+
+
+def tolerances_by_others(
+    recordings: Sequence[Recording], items: Sequence[Item], settings: Settings
+) -> dict[str, float]:
+    """For each person the tolerance that fits the recordings of the others best.
+
+    Each of those is spotted with the examples of the people who are neither in it nor tested.
+    """
+    opened = replace(settings, spot=replace(settings.spot, tolerance=OPEN))
+    subjects = sorted({recording.subject for recording in recordings})
+    found: dict[tuple[str, str], list[tuple[Recording, list[Event]]]] = {}
+    for one, other in combinations(subjects, 2):
+        others = [item for item in items if item.subject not in (one, other)]
+        both = [recording for recording in recordings if recording.subject in (one, other)]
+        for recording, events in zip(both, spotted(others, opened, both), strict=True):
+            tested = other if recording.subject == one else one
+            found.setdefault((tested, recording.subject), []).append((recording, events))
+    chosen = {}
+    for tested in subjects:
+        seen = [pair for (own, _), pairs in found.items() if own == tested for pair in pairs]
+        marks = [Annotation(one.pose.source, *mark[1:], mark[0]) for one, _ in seen for mark in one.truth]
+        seconds = sum(float(one.pose.times[-1] - one.pose.times[0]) for one, _ in seen)
+        chosen[tested] = choose_tolerance([event for _, events in seen for event in events], marks, seconds)
+    return chosen
 
 
 def _print_row(
     name: str, title: str, method: Method, recordings: Sequence[Recording], items: Sequence[Item],
-    points: Mapping[str, float], settings: Settings,
+    points: Mapping[str, float], settings: Settings, tolerances: Mapping[str, float],
 ) -> None:  # fmt: skip
     started = time.process_time()
     events: list[Event] = []
@@ -174,7 +203,9 @@ def _print_row(
     for subject in sorted({recording.subject for recording in recordings}):
         own = [recording for recording in recordings if recording.subject == subject]
         others = [item for item in items if item.subject != subject]
-        for recording, found in zip(own, method(others, settings, own), strict=True):
+        tolerance = tolerances.get(subject, settings.spot.tolerance)
+        chosen = replace(settings, spot=replace(settings.spot, tolerance=tolerance))
+        for recording, found in zip(own, method(others, chosen, own), strict=True):
             events += at_points(found, recording, by_name, points, settings) if points else found
     marks = [Annotation(one.pose.source, *mark[1:], mark[0]) for one in recordings for mark in one.truth]
     seconds = sum(float(one.pose.times[-1] - one.pose.times[0]) for one in recordings)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gesture_core.settings import Settings
 
 Frame = tuple[float, np.ndarray]
-REVISION = 3
+REVISION = 4
 """Goes up when the same network gives other keypoints than before: stored ones are then not used again."""
 
 

@@ -77,6 +77,7 @@ def classify_archive(
     retry_errors: bool = False,
     overwrite: bool = False,
     spot: bool = False,
+    calibrate: Sources = (),
     listener: Listener | None = None,
     **changes: Any,
 ) -> RunSummary:
@@ -101,6 +102,8 @@ def classify_archive(
         As in `RunRequest`.
     spot : bool
         Look for the examples in long recordings, see `spot_archive`.
+    calibrate : path or sequence of paths
+        With ``spot``: annotated recordings by which ``spot.tolerance`` is chosen, see `run.calibrate`.
     listener : Listener, optional
         Told about the run as it goes on.
 
@@ -123,6 +126,10 @@ def classify_archive(
         overwrite=overwrite,
         spot=spot,
     )
+    if marked := as_strings(calibrate):
+        from gesture_core.run.calibrate import calibrate as calibrated
+
+        request, _ = calibrated(request, marked, listener)
     return run_archive(request, listener)
 
 
