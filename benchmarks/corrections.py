@@ -13,7 +13,7 @@ from datasets import arguments, body_gesture
 
 from gesture_core.classify.comparison import compare
 from gesture_core.classify.recognizer import Recognizer
-from gesture_core.run.corrections import choose
+from gesture_core.run.review import choose
 from gesture_core.settings import load_settings
 from gesture_core.signals.chain import Chain
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from gesture_core.run.explain import explain as explain
     from gesture_core.run.find import find as find
     from gesture_core.run.pipeline import RunSummary as RunSummary
+    from gesture_core.run.shards import merge_runs as merge_runs
     from gesture_core.run.watch import watch as watch
     from gesture_core.settings import Settings as Settings
     from gesture_core.settings import load_settings as load_settings
@@ -66,6 +67,7 @@ _PUBLIC = {
     "hookimpl": "plugin.hooks",
     "load_poses": "run.archive",
     "load_settings": "settings",
+    "merge_runs": "run.shards",
     "spot_archive": "run.archive",
     "warping_distances": "dtw.distances",
     "watch": "run.watch",

@@ -200,6 +200,7 @@ class Code(StrEnum):
     RUN_VERSION = "E_RUN_VERSION", "run.db is of another version", "another --out"
     RUN_WRITE = "E_RUN_WRITE", "the run folder cannot be written", "free space, then the same command again"
     CONFIG_CHANGED = "E_CONFIG_CHANGED", "the run has other settings or examples", "--overwrite", 2
+    MERGE = "E_MERGE", "runs cannot be made one", "the runs of one command, each shard once", 2
     STORE = "E_STORE", "a file of the keypoint store is damaged", "the same command again"
     STORE_WRITE = "E_STORE_WRITE", "the keypoint store cannot be written", "another GESTURE_CACHE"
     GESTURE = "E_GESTURE", "an error of no other code", "the message says more"
@@ -265,7 +266,12 @@ class GestureError(Exception):
     @property
     def message(self) -> str:
         """The printed form without the code: ``<subject>: <cause>; kept: …; try: …``."""
-        text = f"{self.subject}: {self.cause}" if self.subject else self.cause
+        return f"{self.subject}: {self.reason}" if self.subject else self.reason
+
+    @property
+    def reason(self) -> str:
+        """The message without the subject, for a row, which names its input itself."""
+        text = self.cause
         if self.kept:
             text += f"; kept: {self.kept}"
         if self.remedy:
@@ -347,10 +353,15 @@ class WorkerError(PluginError):
 
     code = "E_WORKER_CRASH"
 
-    def blaming(self) -> WorkerError:
-        """The error with the plugin in its cause, where a row names its input as the subject."""
-        cause = f"{self.subject}: {self.cause}" if self.subject else self.cause
-        return WorkerError(cause, kept=self.kept, remedy=self.remedy, code=self.code)
+    @property
+    def message(self) -> str:
+        """As of other errors."""
+        return f"{self.subject}: {super().reason}" if self.subject else super().reason
+
+    @property
+    def reason(self) -> str:
+        """All of the message: a row does not name the plugin otherwise."""
+        return self.message
 
 
 class RunFolderError(GestureError):

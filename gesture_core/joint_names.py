@@ -10,7 +10,12 @@ __all__ = ["joint_named", "words_of"]
 
 _BETWEEN = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[A-Za-z])(?=\d)|(?<=\d)(?=[A-Za-z])")
 _SIDES = {"left": "left", "l": "left", "lt": "left", "right": "right", "r": "right", "rt": "right"}
-_KNOWN = {joint for body in SKELETONS.values() for joint in body.joints}
+_KNOWN = {
+    joint
+    for body in SKELETONS.values()
+    for joint in body.joints
+    if not joint.startswith("face_") and "_pose_" not in joint
+}
 _SIDED = {joint.removeprefix("left_") for joint in _KNOWN if joint.startswith("left_")}
 _MIDDLE = {joint for joint in _KNOWN if not joint.startswith(("left_", "right_"))}
 _ALIASES = {
@@ -25,7 +30,8 @@ _ALIASES = {
     "inner_eye": "eye_inner", "outer_eye": "eye_outer", "bigtoe": "big_toe", "smalltoe": "small_toe",
     "midhip": "mid_hip", "hipcenter": "mid_hip", "shouldercenter": "neck", "spineshoulder": "neck",
     "spinebase": "mid_hip", "hand_tip": "hand_tip", "handtip": "hand_tip", "spine_mid": "spine",
-    "spine_middle": "spine", "mid_spine": "spine",
+    "spine_middle": "spine", "mid_spine": "spine", "spine_1": "spine1", "spine_2": "spine2",
+    "spine_3": "spine3",
 }  # fmt: skip
 
 
@@ -43,7 +49,7 @@ def joint_named(name: str) -> str | None:
     >>> [joint_named(name) for name in ("LShoulder", "shoulder_r", "Left Eye Inner", "MidHip", "tail")]
     ['left_shoulder', 'right_shoulder', 'left_eye_inner', 'mid_hip', None]
     """
-    words = words_of(name)
+    words = [word for word in words_of(name) if word != "finger"]  # MediaPipe's INDEX_FINGER_TIP
     sides = [word for word in words if word in _SIDES]
     if len(sides) == 1 and len(words) > 1:
         words.remove(sides[0])

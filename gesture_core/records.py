@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import ConfigError, GestureError, Status
@@ -307,7 +309,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Task:
-    """One call of a worker function (`gesture_core.run.workers.functions`), by its name.
+    """One call of a worker function (`gesture_core.run.workers.worker.FUNCTIONS`), by its name.
 
     Attributes
     ----------
@@ -342,3 +344,13 @@ class Outcome:
     value: Any = None
     error: GestureError | None = None
     attempts: int = 1
+
+
+def encoded(path: str | os.PathLike[str]) -> str:
+    """The exact bytes of a path, as text: so it travels in a task."""
+    return os.fsencode(path).hex()
+
+
+def decoded(text: str) -> Path:
+    """The inverse of `encoded`."""
+    return Path(os.fsdecode(bytes.fromhex(text)))

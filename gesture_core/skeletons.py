@@ -1,13 +1,17 @@
-"""Joint names, limbs and mirrors of the skeletons that pose networks use, and their maps to COCO-18.
+"""Joint names, limbs, groups and mirrors of the skeletons that files and networks use, and maps between them.
 
-COCO-18, the layout of OpenPose's COCO network (Cao et al. 2017), is the canonical skeleton:
-everything after the keypoint reader sees only it.
+COCO-18, the layout of OpenPose's COCO network (Cao et al. 2017), is the canonical body: what a chain does not
+ask for by name is mapped to it. Joints of the same name are the same joint in every skeleton, so that a map
+needs no table. To a body, ``+hands`` and ``+face`` in its name add the joints of these groups:
+``coco18+hands``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import itertools
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -29,17 +33,24 @@ class Skeleton:
     limbs : tuple of (str, str)
         Pairs of joints to draw as bones.
     derived : mapping
-        COCO-18 joints that this skeleton lacks, each the midpoint of two of its joints, or one of them twice.
+        Joints that this skeleton lacks, each the midpoint of two of its joints, or one of them twice.
+    body : str
+        Of a whole body: the skeleton that its body has alone; empty for a body.
     """
 
     name: str
     joints: tuple[str, ...]
     limbs: tuple[tuple[str, str], ...]
     derived: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    body: str = ""
 
     def index(self, joint: str) -> int:
         """Position of ``joint`` in the keypoint array."""
         return self.joints.index(joint)
+
+    def group(self, name: str) -> tuple[str, ...]:
+        """The joints of one of `GROUPS`, in the order of the keypoint array."""
+        return tuple(joint for joint in self.joints if group_of(joint) == name)
 
     @property
     def has_neck(self) -> bool:
@@ -49,7 +60,8 @@ class Skeleton:
     @property
     def mirror(self) -> tuple[int, ...]:
         """For each joint, the index of the joint on the other side of the body."""
-        return tuple(self.joints.index(other_side(name)) for name in self.joints)
+        places = {name: index for index, name in enumerate(self.joints)}
+        return tuple(places.get(other_side(name), index) for name, index in places.items())
 
 
 def other_side(name: str) -> str:
@@ -59,6 +71,78 @@ def other_side(name: str) -> str:
     if name.startswith("right_"):
         return "left_" + name.removeprefix("right_")
     return name
+
+
+GROUPS = ("body", "feet", "left_hand", "right_hand", "face", "spine")
+"""What joints belong to."""
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "body": ("body", "feet", "spine"),
+    "hands": ("left_hand", "right_hand"),
+    "face": ("face",),
+}
+"""The groups of what can be asked for by name."""
+FINGERS = ("thumb", "index", "middle", "ring", "pinky")
+_KNUCKLES = {finger: ("mcp", "pip", "dip", "tip") for finger in FINGERS} | {
+    "thumb": ("cmc", "mcp", "ip", "tip")
+}
+_HAND = ("hand_wrist", *(f"{finger}_{place}" for finger in FINGERS for place in _KNUCKLES[finger]))
+_HANDS = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in _HAND)
+_HAND_LIMBS = tuple(
+    (f"{side}_{one}", f"{side}_{other}")
+    for side in ("left", "right")
+    for one, other in (
+        *(("hand_wrist", f"{finger}_{_KNUCKLES[finger][0]}") for finger in FINGERS),
+        *(
+            (f"{finger}_{one}", f"{finger}_{other}")
+            for finger in FINGERS
+            for one, other in itertools.pairwise(_KNUCKLES[finger])
+        ),
+        *((f"{one}_mcp", f"{other}_mcp") for one, other in itertools.pairwise(FINGERS[1:])),
+    )
+)
+# Points of a face that have a name: where the 68 of Multi-PIE have them (Gross et al. 2010; the first of the
+# 70 of OpenPose and the 68 of COCO-WholeBody and Halpe), and where the 468 of MediaPipe.
+_FACE_POINTS: Mapping[str, tuple[int, int]] = {
+    "right_brow_outer": (17, 70), "right_brow_middle": (19, 105), "right_brow_inner": (21, 107),
+    "left_brow_inner": (22, 336), "left_brow_middle": (24, 334), "left_brow_outer": (26, 300),
+    "right_eye_outer": (36, 33), "right_eye_inner": (39, 133),
+    "left_eye_inner": (42, 362), "left_eye_outer": (45, 263),
+    "right_lid_upper": (37, 159), "right_lid_lower": (41, 145),
+    "left_lid_upper": (44, 386), "left_lid_lower": (46, 374),
+    "right_mouth": (48, 61), "left_mouth": (54, 291),
+    "upper_lip": (62, 13), "lower_lip": (66, 14), "nose_tip": (30, 1), "chin": (8, 152),
+}  # fmt: skip
+FACE = tuple(_FACE_POINTS)
+_FACE_LIMBS = (
+    *((f"{side}_brow_{one}", f"{side}_brow_{two}")
+      for side in ("left", "right") for one, two in (("outer", "middle"), ("middle", "inner"))),
+    *((f"{side}_{one}", f"{side}_{two}") for side in ("left", "right") for one, two in (
+        ("eye_outer", "lid_upper"), ("lid_upper", "eye_inner"), ("eye_inner", "lid_lower"),
+        ("lid_lower", "eye_outer"), ("mouth", "upper_lip"), ("mouth", "lower_lip"))),
+)  # fmt: skip
+_FEET = ("ankle", "foot", "heel", "big_toe", "small_toe", "foot_index")
+_SPINE = {"mid_hip", "spine", "spine1", "spine2", "spine3", "chest", "upper_neck", "left_collar"}
+_SPINE |= {"right_collar"}
+_OWN_HAND = {"hand", "hand_tip", "thumb", "index", "pinky", *_HAND}
+
+
+@cache
+def group_of(joint: str) -> str:
+    """The one of `GROUPS` that a joint belongs to."""
+    part = joint.removeprefix("left_").removeprefix("right_")
+    if joint in _SPINE:
+        return "spine"
+    if part in _FEET[1:]:
+        return "feet"
+    if part in _OWN_HAND and joint != part:
+        return f"{joint.removesuffix(part)}hand"
+    return "face" if joint in _FACE_POINTS or joint.startswith("face_") else "body"
+
+
+def _face(count: int) -> tuple[str, ...]:
+    """Names of the points of a face of so many; those that have none are numbered."""
+    named = {places[count > 70]: name for name, places in _FACE_POINTS.items()}
+    return tuple(named.get(place, f"face_{place}") for place in range(count))
 
 
 _MIDDLE_NECK = {"neck": ("left_shoulder", "right_shoulder")}
@@ -82,7 +166,7 @@ _NECK_LIMBS = (
     ("neck", "left_hip"),
     *_LEGS,
 )
-_FACE = (
+_HEAD = (
     ("nose", "right_eye"),
     ("right_eye", "right_ear"),
     ("nose", "left_eye"),
@@ -105,7 +189,7 @@ COCO18 = Skeleton(
         "left_hip", "left_knee", "left_ankle",
         "right_eye", "left_eye", "right_ear", "left_ear",
     ),
-    (*_NECK_LIMBS, ("neck", "nose"), *_FACE),
+    (*_NECK_LIMBS, ("neck", "nose"), *_HEAD),
 )  # fmt: skip
 
 COCO17 = Skeleton(
@@ -115,7 +199,7 @@ COCO17 = Skeleton(
         "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
         "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
     ),
-    (*_TORSO, *_ARMS, *_LEGS, *_FACE),
+    (*_TORSO, *_ARMS, *_LEGS, *_HEAD),
     _MIDDLE_NECK,
 )  # fmt: skip
 
@@ -132,7 +216,7 @@ BODY25 = Skeleton(
         "left_big_toe", "left_small_toe", "left_heel",
         "right_big_toe", "right_small_toe", "right_heel",
     ),
-    (*_NECK_LIMBS, ("neck", "nose"), *_FACE),
+    (*_NECK_LIMBS, ("neck", "nose"), *_HEAD),
 )  # fmt: skip
 
 MPI15 = Skeleton(
@@ -171,7 +255,7 @@ HALPE26 = Skeleton(
         "head_top", "neck", "mid_hip",
         "left_big_toe", "right_big_toe", "left_small_toe", "right_small_toe", "left_heel", "right_heel",
     ),
-    (*_NECK_LIMBS, ("neck", "head_top"), *_FACE),
+    (*_NECK_LIMBS, ("neck", "head_top"), *_HEAD),
 )  # fmt: skip
 
 H36M17 = Skeleton(
@@ -214,9 +298,89 @@ KINECT25 = Skeleton(
     (*_NECK_LIMBS, ("neck", "head")),
 )  # fmt: skip
 
-SKELETONS: Mapping[str, Skeleton] = MappingProxyType(
-    {s.name: s for s in (COCO18, COCO17, BODY25, MPI15, BLAZEPOSE33, HALPE26, H36M17, KINECT20, KINECT25)}
+# Azure's order: the spine first, then the arms, the legs and the head.
+KINECT32 = Skeleton(
+    "kinect32",
+    (
+        "mid_hip", "spine", "chest", "neck",
+        "left_collar", "left_shoulder", "left_elbow", "left_wrist", "left_hand", "left_hand_tip",
+        "left_thumb",
+        "right_collar", "right_shoulder", "right_elbow", "right_wrist", "right_hand", "right_hand_tip",
+        "right_thumb",
+        "left_hip", "left_knee", "left_ankle", "left_foot",
+        "right_hip", "right_knee", "right_ankle", "right_foot",
+        "head", "nose", "left_eye", "left_ear", "right_eye", "right_ear",
+    ),
+    (*_NECK_LIMBS, ("neck", "nose"), *_HEAD),
+)  # fmt: skip
+
+SMPL22 = Skeleton(
+    "smpl22",
+    (
+        "mid_hip", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2",
+        "left_ankle", "right_ankle", "spine3", "left_foot", "right_foot", "neck",
+        "left_collar", "right_collar", "head",
+        "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
+    ),
+    (*_NECK_LIMBS, ("neck", "head")),
+)  # fmt: skip
+
+_LEFT, _RIGHT = _HANDS[: len(_HAND)], _HANDS[len(_HAND) :]
+_WRISTS = {f"{side}_wrist": (f"{side}_hand_wrist",) * 2 for side in ("left", "right")}
+
+
+def _hands(name: str, joints: tuple[str, ...]) -> Skeleton:
+    wrists = {joint: pair for joint, pair in _WRISTS.items() if pair[0] in joints}
+    limbs = tuple(limb for limb in _HAND_LIMBS if limb[0] in joints)
+    return Skeleton(name, joints, limbs, wrists, COCO18.name)
+
+
+LEFT_HAND, RIGHT_HAND = _hands("left_hand21", _LEFT), _hands("right_hand21", _RIGHT)
+HANDS42 = _hands("hands42", _HANDS)
+
+
+def _whole(name: str, body: Skeleton, *rest: str) -> Skeleton:
+    """``body`` and further joints."""
+    there = {*body.joints, *rest}
+    limbs = (*body.limbs, *(limb for limb in (*_HAND_LIMBS, *_FACE_LIMBS) if there.issuperset(limb)))
+    return Skeleton(name, (*body.joints, *rest), limbs, body.derived, body.name)
+
+
+def _with_feet(joints: Sequence[str]) -> tuple[str, ...]:
+    return tuple(f"{side}_{joint}" for side in ("left", "right") for joint in joints)
+
+
+_TOES = _with_feet(("big_toe", "small_toe", "heel"))
+COCO133 = _whole("coco133", COCO17, *_TOES, *_face(68), *_HANDS)
+HALPE136 = _whole("halpe136", HALPE26, *_face(68), *_HANDS)
+# OpenPose keeps its parts in lists of their own; files that join them have the face first or last.
+OPENPOSE137 = _whole("openpose137", BODY25, *_face(70), *_HANDS)
+OPENPOSE137_HANDS = _whole("openpose137-hands", BODY25, *_HANDS, *_face(70))
+MEDIAPIPE75 = _whole("mediapipe75", BLAZEPOSE33, *_HANDS)
+
+
+# The body's own corners of the eyes and the mouth are rougher than those of the face.
+_ROUGH = tuple(
+    f"{joint.partition('_')[0]}_pose_{joint.partition('_')[2]}" if joint in _FACE_POINTS else joint
+    for joint in BLAZEPOSE33.joints
 )
+_MP543 = replace(BLAZEPOSE33, joints=_ROUGH)
+MEDIAPIPE543 = _whole("mediapipe543", _MP543, *_face(468), *_HANDS)
+# The order of tables: the face, the left hand, the body, the right hand.
+MEDIAPIPE543_FACE = replace(
+    MEDIAPIPE543, name="mediapipe543-face", joints=(*_face(468), *_LEFT, *_ROUGH, *_RIGHT)
+)
+
+SKELETONS: Mapping[str, Skeleton] = MappingProxyType(
+    {
+        s.name: s
+        for s in (
+            COCO18, COCO17, BODY25, MPI15, BLAZEPOSE33, HALPE26, H36M17, KINECT20, KINECT25, KINECT32, SMPL22,
+            LEFT_HAND, RIGHT_HAND, HANDS42, COCO133, HALPE136, OPENPOSE137, OPENPOSE137_HANDS, MEDIAPIPE75,
+            MEDIAPIPE543, MEDIAPIPE543_FACE,
+        )
+    }
+)  # fmt: skip
 
 # What may stand in for a joint of COCO-18 where a file has no such joint: first what is there counts.
 _STAND_INS: tuple[tuple[str, tuple[str, str]], ...] = (
@@ -240,51 +404,74 @@ def skeleton_of(joints: Sequence[str]) -> Skeleton:
     derived = {
         joint: parents for joint, parents in _STAND_INS if joint not in names and set(parents) <= set(names)
     }
-    limbs = tuple(limb for limb in (*_NECK_LIMBS, ("neck", "nose"), *_FACE) if set(limb) <= set(names))
+    limbs = tuple(limb for limb in (*_NECK_LIMBS, ("neck", "nose"), *_HEAD) if set(limb) <= set(names))
     return Skeleton("named", names, limbs, derived)
 
 
+@cache
 def skeleton(name: str) -> Skeleton:
-    """The skeleton called ``name``; a KeypointError lists the known names otherwise."""
-    try:
-        return SKELETONS[name]
-    except KeyError:
+    """The skeleton called ``name``, a key of `SKELETONS` or one with ``+hands`` and ``+face`` behind it.
+
+    Raises
+    ------
+    KeypointError
+        `E_SKELETON` for any other; it lists the known names.
+    """
+    base, *parts = name.split("+")
+    if base not in SKELETONS or parts not in ([], ["hands"], ["face"], ["hands", "face"]):
         raise KeypointError(
-            f"unknown skeleton {name!r}", remedy=f"one of {', '.join(SKELETONS)}", code="E_SKELETON"
-        ) from None
+            f"unknown skeleton {name!r}",
+            remedy=f"one of {', '.join(SKELETONS)}, a body with +hands or +face behind it",
+            code="E_SKELETON",
+        )
+    body = SKELETONS[base]
+    more = [joint for part in parts for joint in (_HANDS if part == "hands" else FACE)]
+    return _whole(name, body, *(joint for joint in more if joint not in body.joints)) if parts else body
+
+
+def with_parts(body: str, parts: Collection[str]) -> Skeleton:
+    """The skeleton ``body`` with those of ``parts``, keys of `PARTS`, that are beyond the body."""
+    return skeleton("+".join([body, *(part for part in ("hands", "face") if part in parts)]))
 
 
 def to_coco18(keypoints: np.ndarray, scores: np.ndarray, source: Skeleton) -> tuple[np.ndarray, np.ndarray]:
-    """Reorder keypoints of any known skeleton into COCO-18.
+    """`mapped` to the canonical body."""
+    return mapped(keypoints, scores, source, COCO18)
+
+
+def mapped(
+    keypoints: np.ndarray, scores: np.ndarray, source: Skeleton, target: Skeleton
+) -> tuple[np.ndarray, np.ndarray]:
+    """Reorder keypoints of one skeleton into another, by the names of the joints.
 
     Parameters
     ----------
-    keypoints : (T, J, 2) array
+    keypoints : (T, J, C) array
         NaN where missing.
     scores : (T, J) array
-    source : Skeleton
-        The layout of both arrays.
+    source, target : Skeleton
+        The layout of both arrays, and the wanted one.
 
     Returns
     -------
-    keypoints : (T, 18, 2) float32
+    keypoints : (T, K, C) float32
         Joints that the source lacks are NaN; a derived joint (the neck as the midpoint of the
         shoulders) is NaN where either parent is.
-    scores : (T, 18) float32
+    scores : (T, K) float32
         Zero for joints that the source lacks; the lower parent's score for derived joints.
     """
     import numpy as np
 
-    frames = keypoints.shape[0]
-    out = np.full((frames, len(COCO18.joints), 2), np.nan, np.float32)
-    out_scores = np.zeros((frames, len(COCO18.joints)), np.float32)
-    for target, joint in enumerate(COCO18.joints):
-        if joint in source.joints:
-            column = source.index(joint)
-            out[:, target] = keypoints[:, column]
-            out_scores[:, target] = scores[:, column]
+    frames, joints = len(keypoints), len(target.joints)
+    out = np.full((frames, joints, *keypoints.shape[2:]), np.nan, np.float32)
+    out_scores = np.zeros((frames, joints), np.float32)
+    places = {joint: place for place, joint in enumerate(source.joints)}
+    for column, joint in enumerate(target.joints):
+        if joint in places:
+            out[:, column] = keypoints[:, places[joint]]
+            out_scores[:, column] = scores[:, places[joint]]
         elif joint in source.derived:
-            a, b = (source.index(parent) for parent in source.derived[joint])
-            out[:, target] = (keypoints[:, a] + keypoints[:, b]) / 2
-            out_scores[:, target] = np.minimum(scores[:, a], scores[:, b])
+            a, b = (places[parent] for parent in source.derived[joint])
+            out[:, column] = (keypoints[:, a] + keypoints[:, b]) / 2
+            out_scores[:, column] = np.minimum(scores[:, a], scores[:, b])
     return out, out_scores

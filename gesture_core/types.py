@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gesture_core.errors import InputError, KeypointError, SignalError
 from gesture_core.errors import Status as Status
+from gesture_core.recordings import Recording as Recording
 from gesture_core.records import COLUMNS as COLUMNS
 from gesture_core.records import Event as Event
 from gesture_core.records import Job as Job
@@ -16,7 +17,7 @@ from gesture_core.records import Outcome as Outcome
 from gesture_core.records import Prediction as Prediction
 from gesture_core.records import Row as Row
 from gesture_core.records import Task as Task
-from gesture_core.skeletons import COCO18, skeleton, to_coco18
+from gesture_core.skeletons import COCO18, mapped, skeleton
 
 
 def _single(array: np.ndarray) -> np.ndarray:
@@ -81,15 +82,15 @@ class PoseSequence:
 
     Attributes
     ----------
-    keypoints : (T, J, 2) float32
-        x to the right, y down, in pixels of the upright picture (or in the unit of the keypoint
-        file). NaN in both coordinates where the joint is missing.
+    keypoints : (T, J, 2 or 3) float32
+        x to the right, y down, in pixels of the upright picture (or in the unit of the keypoint file); z,
+        where it is known, away from who looks. NaN in all coordinates where the joint is missing.
     scores : (T, J) float32
         Confidence in 0..1; zero where the joint is missing.
     times : (T,) float64
         Seconds from the container, never decreasing.
     skeleton : str
-        A key of `gesture_core.skeletons.SKELETONS`.
+        A name that `gesture_core.skeletons.skeleton` knows.
     frame_size : (width, height) or None
         Pixels of the upright picture, None where the file does not say.
     person : int
@@ -112,9 +113,9 @@ class PoseSequence:
     def __post_init__(self) -> None:
         points = _single(self.keypoints)
         joints = len(skeleton(self.skeleton).joints)
-        if points.ndim != 3 or points.shape[1:] != (joints, 2):
+        if points.ndim != 3 or points.shape[1:] not in ((joints, 2), (joints, 3)):
             raise KeypointError(
-                f"keypoints have shape {points.shape}, {self.skeleton} needs (T, {joints}, 2)",
+                f"keypoints have shape {points.shape}, {self.skeleton} needs (T, {joints}, 2 or 3)",
                 subject=self.source,
                 code="E_KEYPOINTS_SHAPE",
             )
@@ -163,7 +164,7 @@ class PoseSequence:
 
         Rounded to a thousandth of the longer side, as a row shows it.
         """
-        points = self.keypoints[self.seen]
+        points = self.keypoints[self.seen][:, :2]
         if not len(points):
             return ()
         if self.frame_size:
@@ -172,16 +173,25 @@ class PoseSequence:
         digits = 3 - int(np.ceil(np.log10(max(float((edges[2:] - edges[:2]).max()), 1e-6))))
         return tuple(round(edge, max(digits, 0)) for edge in edges.tolist())
 
+    @property
+    def flat(self) -> PoseSequence:
+        """The same sequence in the plane (itself where it already is)."""
+        return self if self.keypoints.shape[2] == 2 else replace(self, keypoints=self.keypoints[..., :2])
+
     def as_coco18(self) -> PoseSequence:
-        """The same sequence in the canonical skeleton (itself where it already is)."""
-        if self.skeleton == COCO18.name:
+        """The same sequence in the canonical body (itself where it already is)."""
+        return self.onto(COCO18.name)
+
+    def onto(self, name: str) -> PoseSequence:
+        """The same sequence in the skeleton called ``name`` (itself where it already is)."""
+        if self.skeleton == name:
             return self
-        points, scores = to_coco18(self.keypoints, self.scores, skeleton(self.skeleton))
+        points, scores = mapped(self.keypoints, self.scores, skeleton(self.skeleton), skeleton(name))
         return PoseSequence(
             points,
             scores,
             self.times,
-            COCO18.name,
+            name,
             self.frame_size,
             self.person,
             self.source,

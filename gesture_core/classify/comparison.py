@@ -28,7 +28,7 @@ from gesture_core.types import SignalBatch, Signals
 Series = Signals | np.ndarray
 _CHOICES = 4
 """Choices of examples that stay prepared: those that some queries still have to be compared with."""
-_SIDE_OR_AXIS = re.compile(r"^(right|left)_|_[xy](?=[.@]|$)")
+_SIDE_OR_AXIS = re.compile(r"^(right|left)_|_[xyz](?=[.@]|$)|/[^.@\[]*|\[[^\]]*\]")
 
 
 def compare(queries: Sequence[Series], examples: Sequence[Series], settings: Settings) -> np.ndarray:
@@ -172,10 +172,21 @@ def check_alike(series: Sequence[Series], name: str, example: Series | None = No
             )
         if isinstance(item, Signals) and isinstance(model, Signals) and item.channels != model.channels:
             raise InputError(
-                f"{name} {index} has other channels than {other}",
-                remedy="signals of one preset",
+                f"{name} {index} has other channels than {other}{_unlike(item.channels, model.channels)}",
+                remedy="signals of one preset, and series with the same channels in the same units",
                 code="E_DIMENSIONS",
             )
+
+
+def _unlike(own: Sequence[str], others: Sequence[str]) -> str:
+    """The first channels that only one of two sequences has."""
+    more, less = (
+        [name for name in one if name not in two][:3] for one, two in ((own, others), (others, own))
+    )
+    said = [
+        f"{verb} {' and '.join(names)}" for verb, names in (("it has", more), ("it lacks", less)) if names
+    ]
+    return f": {', '.join(said)}" if said else ""
 
 
 def is_still(item: Series) -> bool:
@@ -201,7 +212,7 @@ def parts(channels: Sequence[str]) -> dict[str, list[int]]:
     """Indices of the channels of each body part by its name, in the order of first appearance.
 
     A part is named like its channels without side and axis: ``right_wrist_x.energy`` and
-    ``left_wrist_y.energy`` are ``wrist.energy``.
+    ``left_wrist_y.energy`` are ``wrist.energy``, ``acc/x[g].velocity`` is ``acc.velocity``.
     """
     places: dict[str, list[int]] = {}
     for index, channel in enumerate(channels):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gesture_core.classify.balance import balanced
 from gesture_core.classify.comparison import compare, is_still
 from gesture_core.classify.decision import refusals, temperature_of, votes_of
 from gesture_core.classify.learning import landmarks, learn, medoids, needs_distances
@@ -15,7 +16,7 @@ from gesture_core.classify.scores import Answer, Evaluation
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.settings import ClassifySettings, Settings
 from gesture_core.signals.chain import Chain
-from gesture_core.types import PoseSequence, Signals
+from gesture_core.types import PoseSequence, Recording, Signals
 
 PROTOCOLS = ("leave-one-subject-out", "leave-one-out", "donor", "split")
 
@@ -26,7 +27,7 @@ class Labelled:
 
     Attributes
     ----------
-    poses : sequence of N (PoseSequence, Signals or GestureError)
+    poses : sequence of N (PoseSequence, Recording, Signals or GestureError)
         Signals are compared as they are. An error stands for an input that could not be read; it
         counts as not recognised.
     labels, subjects, names : sequences of N str
@@ -34,7 +35,7 @@ class Labelled:
         Examples of the protocol ``split``.
     """
 
-    poses: Sequence[PoseSequence | Signals | GestureError]
+    poses: Sequence[PoseSequence | Recording | Signals | GestureError]
     labels: Sequence[str]
     subjects: Sequence[str]
     names: Sequence[str]
@@ -101,6 +102,9 @@ def compare_all(data: Labelled, settings: Settings) -> Compared:
         first = f"; the first one: {next(iter(errors.values()))}" if errors else ""
         raise InputError(f"{len(signals)} sequences can be used{first}", code="E_EMPTY")
     series = list(signals.values())
+    # Of a split as a run has it, otherwise of all: no label has a part in it.
+    train = [] if data.train is None else [one for i, one in signals.items() if data.train[i]]
+    settings = balanced(train or series, settings)
     within = compare(series, series, settings).astype(np.float64)
     still = np.array([is_still(item) for item in series], bool)
     return Compared(data, settings, np.array(list(signals), np.int64), within, errors, still)

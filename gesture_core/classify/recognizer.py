@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from gesture_core.classify.balance import balanced
 from gesture_core.classify.comparison import Comparison, check_alike, check_settings
 from gesture_core.classify.decision import decide, temperature_of, votes_of
 from gesture_core.classify.examples import ExampleLibrary, warn_of_contradictions
@@ -25,10 +26,11 @@ from gesture_core.classify.learning import ExampleWeights, landmarks, learn, nee
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable, read_arrays, write_arrays
 from gesture_core.plugin import registry
+from gesture_core.recordings import as_recording
 from gesture_core.records import Prediction
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
-from gesture_core.types import PoseSequence, SignalBatch, Signals
+from gesture_core.types import PoseSequence, Recording, SignalBatch, Signals
 
 # Examples are compared with each other in blocks of so many rows at most, and of about so many seconds.
 _MOST_ROWS, _SECONDS = 256, 2.0
@@ -39,7 +41,8 @@ _LARGEST = 4 << 30
 _KINDS = "UifbS"
 """Kinds of labels that a file holds: texts, numbers, truth values, bytes."""
 
-Item = PoseSequence | Signals | np.ndarray
+Item = PoseSequence | Recording | Signals | np.ndarray
+"""Where ``signals.input`` is ``channels``, also a data frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +99,7 @@ class Recognizer:
         chosen = settings.classify
         library = ExampleLibrary.of(signals_of(X, settings, "example"), list(y), names)
         check_alike(library.series, "example")
+        settings = balanced(library.series, settings)
         if not isinstance(library.series[0], Signals):
             SignalBatch.of(library.series, np.float64, name="example")
             # One precision whatever a query has, so that no row depends on the others of its batch.
@@ -271,7 +275,7 @@ class Recognizer:
 
 def signals_of(X: Sequence[Item], settings: Settings, name: str) -> list[Signals | np.ndarray]:
     """``X`` with keypoints made signals; an error says of which element, ``name`` and number, it is."""
-    if isinstance(X, PoseSequence | Signals):
+    if isinstance(X, PoseSequence | Recording | Signals):
         raise InputError(f"one {type(X).__name__} instead of a sequence of them", remedy="a list: [it]")
     if isinstance(X, str | os.PathLike):
         raise _not_loaded(X)
@@ -293,7 +297,9 @@ def _signals_of(item: Item, chain: Chain, name: str) -> Signals | np.ndarray:
     if isinstance(item, str | os.PathLike):
         raise _not_loaded(item, name)
     try:
-        return chain(item) if isinstance(item, PoseSequence) else item
+        if chain.of_channels and not isinstance(item, PoseSequence | Recording | Signals):
+            item = as_recording(item, name, chain.fps)
+        return chain(item) if isinstance(item, PoseSequence | Recording) else item
     except GestureError as error:
         error.about(name)
         raise

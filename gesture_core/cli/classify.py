@@ -22,7 +22,7 @@ from gesture_core.cli.output import (
 from gesture_core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping
 
     from gesture_core.records import Row
     from gesture_core.run.pipeline import RunSummary
@@ -110,7 +110,7 @@ def _execute(
     out: Path,
     flags: PoseFlags | None,
     run: RunFlags | None,
-    annotations: Sequence[str] = (),
+    annotations: tuple[str, ...] = (),
     **asked: Any,
 ) -> int:
     """Run what a command asks for, show it, and return the exit code.
@@ -119,6 +119,7 @@ def _execute(
     """
     from gesture_core.run.pipeline import run_archive
     from gesture_core.run.plan import RunRequest
+    from gesture_core.run.results import open_results
 
     if asked.get("examples") == ():
         raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
@@ -138,18 +139,19 @@ def _execute(
 
     with progress(sources, request.examples) as listener, warnings_as_lines(events=True):
         summary = run_archive(request, listener)
-    rows = summary.rows()
-    print_rows(rows, "events" if request.spot else "labels" if request.examples else "keypoints")
-    say_summary(summary, () if request.spot else rows)
-    if same := len({row.input for row in rows if row.sha256 in known}):
-        say(f"{counted(same, 'input')} chose the tolerance: what is found there says little about others")
+    with open_results(out) as results, results.failures():  # as they come: there may be a million
+        print_rows(
+            results.rows(), "events" if request.spot else "labels" if request.examples else "keypoints"
+        )
+        say_summary(summary, () if request.spot else results.rows())
+        if same := len({row.input for row in results.rows() if row.sha256 in known} if known else ()):
+            say(f"{counted(same, 'input')} chose the tolerance: what is found there says little about others")
     return summary.exit_code
 
 
-def say_summary(summary: RunSummary, rows: Sequence[Row] = ()) -> None:
+def say_summary(summary: RunSummary, rows: Iterable[Row] = ()) -> None:
     """The end of a run on standard error: text on a terminal, one JSON line otherwise."""
-    labels = Counter(row.label or NO_LABEL for row in rows) if summary.classes else Counter[str]()
-    right = _right(rows, summary.classes)
+    labels, right = _counted(rows, summary.classes) if summary.classes else (Counter[str](), None)
     if sys.stderr.isatty():
         _say_to_people(summary, labels, right)
         return
@@ -177,12 +179,17 @@ def say_summary(summary: RunSummary, rows: Sequence[Row] = ()) -> None:
     )
 
 
-def _right(rows: Sequence[Row], classes: Mapping[str, int]) -> int | None:
-    """Rows whose label is that of the folder that holds the input; None unless every folder is a label."""
-    folders = [Path(row.input.partition("::")[0]).parent.name for row in rows]
-    if not rows or not set(folders) <= set(classes):
-        return None
-    return sum(row.label == folder for row, folder in zip(rows, folders, strict=True))
+def _counted(rows: Iterable[Row], classes: Mapping[str, int]) -> tuple[Counter[str], int | None]:
+    """Labels, and how many of them are that of the folder that holds the input; None for that unless every
+    folder is a label.
+    """
+    labels, right, told = Counter[str](), 0, True
+    for row in rows:
+        folder = row.input.partition("::")[0].rpartition("/")[0].rpartition("/")[2]
+        labels[row.label or NO_LABEL] += 1
+        right += row.label == folder
+        told = told and folder in classes
+    return labels, right if labels and told else None
 
 
 def _say_to_people(summary: RunSummary, labels: Counter[str], right: int | None) -> None:

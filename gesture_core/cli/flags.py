@@ -127,6 +127,11 @@ class RunFlags:
         UNSAID,
         Parameter(help="Begin again with other settings in the same folder; keypoints are reused."),
     ] = False
+    shard: Annotated[
+        str,
+        UNSAID,
+        Parameter(help="K/N: only the K-th of N parts of the inputs; 'gesture merge' makes one run of all."),
+    ] = ""
     quiet: Annotated[bool, UNSAID, Parameter(help="No progress and no table.")] = False
 
 

@@ -41,6 +41,7 @@ _COMMANDS = {
     "find": "Find where in recordings somebody does what a clip shows.",
     "cut": "Write the events of a run as clips, by label.",
     "extract": "Find keypoints only, and write them to files.",
+    "merge": "Make one run of the runs of several shards.",
     "evaluate": "Measure the accuracy of a preset on a labelled archive.",
     "explain": "Show why an input of a run got its label.",
     "export": "Write the rows of a run as CSV, Parquet or JSON lines.",
@@ -236,5 +237,7 @@ def _refused(error: OSError) -> str:
 
 def _interrupted(arguments: Sequence[str]) -> str:
     if arguments and arguments[0] in ("classify", "spot", "extract", "evaluate"):  # keypoints are kept
-        return f"interrupted; resume with: gesture {shlex.join(arguments)}"
+        from gesture_core.run.addresses import shown
+
+        return f"interrupted; resume with: gesture {shlex.join(map(shown, arguments))}"
     return "interrupted"

@@ -12,6 +12,7 @@ import tempfile
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -130,18 +131,26 @@ def print_list(
         print(f" {printable(row[0]):<{width}}   {printable(row[-1])}")
 
 
-def print_rows(rows: Sequence[Row], what: Table = "labels") -> None:
-    """The result: a table and what went wrong on a terminal, JSON lines otherwise."""
+def print_rows(rows: Iterable[Row], what: Table = "labels") -> None:
+    """The result: a table and what went wrong on a terminal, JSON lines otherwise. They are never held as a
+    whole, but for those that something is wrong with.
+    """
     if not sys.stdout.isatty():
         from gesture_core.run.export import json_line
 
         for row in rows:
             print(json_line(row.as_record()))
         return
-    row_table(rows[:_ROWS_SHOWN], what)
-    if len(rows) > _ROWS_SHOWN:
-        print(f"… and {counted(len(rows) - _ROWS_SHOWN, 'more row')}: gesture export writes all of them")
-    print_reasons(rows)
+    remaining = iter(rows)
+    first = list(islice(remaining, _ROWS_SHOWN))
+    row_table(first, what)
+    flawed, more = [row for row in first if row.message], 0
+    for row in remaining:
+        more += 1
+        flawed += [row] if row.message else []
+    if more:
+        print(f"… and {counted(more, 'more row')}: gesture export writes all of them")
+    print_reasons(flawed)
 
 
 def print_reasons(rows: Sequence[Row]) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from gesture_core.cli.output import named, say, say_event
 from gesture_core.files import printable
+from gesture_core.run.addresses import shown
 from gesture_core.run.extract import Listener
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def progress(
     elif sys.stderr.isatty():
         for what, names in (("sources", sources), ("examples", examples)):
             if names:
-                say(f"{what}: {named(names, join=' ')}")
+                say(f"{what}: {named([*map(shown, names)], join=' ')}")
         with Bar() as bar:
             yield bar
     else:
@@ -53,7 +54,7 @@ class Events(Listener):
     """
 
     def __init__(self, sources: Sequence[str] = (), examples: Sequence[str] = ()) -> None:
-        self._named = {"sources": list(sources), "example_sources": list(examples)}
+        self._named = {"sources": [*map(shown, sources)], "example_sources": [*map(shown, examples)]}
         self._stage = ""
         self._extracted: set[str] = set()
         self._done = self._total = self._frames = 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -45,8 +44,7 @@ def render(
         Replace a file that is there.
     """
     from gesture_core.pose.overlay import cropped, overlay, write_strip
-    from gesture_core.records import VideoLimits
-    from gesture_core.video import open_video
+    from gesture_core.video import open_configured
     from gesture_core.video.writer import can_write_video, write_video
 
     labels, settings = _labels(video, run) if run else ({}, None)
@@ -65,8 +63,7 @@ def render(
         )
     looked_at, found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
-    limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-    with open_video(video, settings.pose.reader, limits, settings.options, settings.video) as frames:
+    with open_configured(video, settings) as frames:
         tags = [f"{person.person} {labels.get(person.person, '')}".strip() for person in found]
         shown = tags if labels or len(found) > 1 else ()
         if target.suffix.lower() == ".mp4":
@@ -87,7 +84,7 @@ def _labels(video: Path, run: Path) -> tuple[dict[int, str], Settings]:
     from gesture_core.settings import settings_from_dict
 
     with open_results(run) as results:
-        rows, configuration = list(results.rows()), json.loads(results.get("configuration") or "{}")
+        rows, configuration = list(results.rows()), results.configuration
     sha256 = content_sha256(video)
     labels = {
         row.person: f"{row.label or row.code} {'' if row.distance is None else format(row.distance, '.2f')}"

@@ -50,7 +50,7 @@ def review(
     from gesture_core.cli.progress import progress
     from gesture_core.report.review_server import ReviewServer
     from gesture_core.report.run_page import write_report
-    from gesture_core.run.answers import Answers
+    from gesture_core.run.review import Answers
 
     with Answers(run) as answers:
         with progress([str(run)]) as listener:
@@ -65,8 +65,7 @@ def review(
 
 
 def _use(run: Path, export: Path | None, to_examples: Path | None, most: int | None) -> None:
-    from gesture_core.run.answers import Answers, write_answers
-    from gesture_core.run.corrections import add_corrections
+    from gesture_core.run.review import Answers, add_corrections, write_answers
 
     if export is not None:
         check_file(export, (".csv",), flag="--export")

@@ -18,7 +18,7 @@ from gesture_core.errors import ConfigError
 from gesture_core.files import printable
 
 if TYPE_CHECKING:
-    from gesture_core.run.webhook import Webhook
+    from gesture_core.run.watch import Webhook
     from gesture_core.spot.watch import Seen, WatchSummary
 
 _SECONDS_BETWEEN_LINES = 5.0
@@ -59,8 +59,7 @@ def watch(
         Events alone.
     """
     from gesture_core.cli.progress import progress
-    from gesture_core.run.watch import Watching
-    from gesture_core.run.webhook import Webhook
+    from gesture_core.run.watch import Watching, Webhook
     from gesture_core.spot.watch import Seen
 
     if not examples:

@@ -114,6 +114,14 @@ class StreamStep(Protocol):
 
 
 @runtime_checkable
+class NeedsDepth(Protocol):
+    """A normalizer of keypoints in three dimensions alone."""
+
+    needs_depth: bool
+    """True."""
+
+
+@runtime_checkable
 class PairKernel(Protocol):
     """A distance kernel that computes chosen pairs without the rest of their table."""
 

@@ -66,6 +66,7 @@ class Register(Protocol):
         summary: str = "",
         suffixes: Sequence[str] = (),
         folders: bool = False,
+        channels: bool = False,
     ) -> None:
         """Announce a plugin without importing it.
 
@@ -87,6 +88,9 @@ class Register(Protocol):
             ``.onnx``; without any, ``pose.backend = "auto"`` never takes it.
         folders : bool
             Of a keypoint reader: a folder of files may be one input.
+        channels : bool
+            Of a keypoint reader: what it reads are no people, but a `Recording` of channels; it is asked only
+            where ``signals.input`` is ``channels``, and others only where it is not.
         """
 
 

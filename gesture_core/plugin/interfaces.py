@@ -17,6 +17,7 @@ from gesture_core.plugin.abilities import DeviceKernel as DeviceKernel
 from gesture_core.plugin.abilities import ExplainsRefusal as ExplainsRefusal
 from gesture_core.plugin.abilities import GradientKernel as GradientKernel
 from gesture_core.plugin.abilities import LazyFrames as LazyFrames
+from gesture_core.plugin.abilities import NeedsDepth as NeedsDepth
 from gesture_core.plugin.abilities import PairKernel as PairKernel
 from gesture_core.plugin.abilities import RegionFollowing as RegionFollowing
 from gesture_core.plugin.abilities import SearchKernel as SearchKernel
@@ -142,7 +143,10 @@ class Normalizer(Protocol):
     """Brings keypoints into the body's own frame of reference."""
 
     def normalize(self, pose: PoseSequence) -> np.ndarray:
-        """(T, 18, 2) coordinates in body units from a COCO-18 ``pose``; NaN stays NaN."""
+        """(T, 18, 2) coordinates in body units from a COCO-18 ``pose``; NaN stays NaN.
+
+        Of a pose in three dimensions (T, 18, 3); `NeedsDepth` says that there must be three.
+        """
         ...
 
 

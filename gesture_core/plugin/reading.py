@@ -40,6 +40,8 @@ class ReadOptions:
         number of joints where it is empty.
     fps : None or float
         Frames per second of files without times; 30 where it is left open.
+    depth : bool
+        Keep the third coordinate; a file without one is refused.
 
     Examples
     --------
@@ -53,6 +55,7 @@ class ReadOptions:
     frame_size: tuple[int, ...] | None = None
     order: tuple[str, ...] = ()
     fps: float | None = None
+    depth: bool = False
 
     def __post_init__(self) -> None:
         for name, known in _CHOICES.items():

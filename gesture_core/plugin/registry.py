@@ -65,6 +65,7 @@ class Registration:
     summary: str = ""
     suffixes: tuple[str, ...] = ()
     folders: bool = False
+    channels: bool = False
 
     def __str__(self) -> str:
         return f"{self.title} of {self.origin}"
@@ -128,6 +129,7 @@ class Registry:
         summary: str = "",
         suffixes: Sequence[str] = (),
         folders: bool = False,
+        channels: bool = False,
     ) -> None:
         """Record one announcement; a malformed or repeated one becomes a fault."""
         known = self.entries.get((kind, name), [])
@@ -141,7 +143,7 @@ class Registry:
         elif any(entry.origin.distribution == origin.distribution for entry in known):
             fault = "registers this name twice; the first one counts"
         else:
-            every = tuple(needs), extra, summary, tuple(suffixes), folders
+            every = tuple(needs), extra, summary, tuple(suffixes), folders, channels
             self.entries[kind, name] = [*known, Registration(kind, name, target, origin, *every)]
             return
         self.faults.append(Fault(origin, fault, kind, str(name)))

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.errors import ConfigError, PluginError
+from gesture_core.errors import ConfigError, PluginError, PoseError
 from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable, lacking
+from gesture_core.plugin.registry import calling
 from gesture_core.pose.follow import Follower
 from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import skeleton
@@ -67,6 +68,36 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
             code="E_PLUGIN_CONTRACT",
         )
     return backend
+
+
+def try_backend(backend: PoseBackend, people: str) -> None:
+    """Run a pose network twice on a picture of a figure; a PoseError says what is wrong with its answer.
+
+    Whether it finds anybody does not count: that both answers are equal, and of the right form, does.
+    """
+    picture = np.full((240, 320, 3), 90, np.uint8)
+    picture[:, 110:210] += np.arange(240, dtype=np.uint8)[:, None, None] // 4
+    picture[30:70, 145:175] = (140, 170, 210)  # a head above a trunk, arms and legs
+    picture[75:150, 135:185] = (60, 60, 180)
+    picture[80:95, 80:240] = (140, 170, 210)
+    picture[150:230, 137:157] = picture[150:230, 163:183] = (120, 80, 50)
+    with calling(backend):
+        answers = [backend.estimate([picture], people) for _ in range(2)]
+    width, fault = len(skeleton(backend.skeleton).joints), ""
+    for answer in answers:
+        if len(answer) != 1:
+            raise PoseError(f"answered with {len(answer)} pictures for one", code="E_MODEL_PROBE")
+        for person in answer[0]:
+            if np.shape(person.keypoints) != (width, 2) or np.shape(person.scores) != (width,):
+                fault = f"keypoints {np.shape(person.keypoints)} and scores {np.shape(person.scores)}"
+                fault += f" for {width} joints"
+            elif np.isinf(person.keypoints).any() or not np.isfinite(person.scores).all():
+                fault = "infinite keypoints or scores"
+            if fault:
+                raise PoseError(fault, code="E_MODEL_PROBE")
+    first, second = (np.array([p.keypoints for p in answer[0]]) for answer in answers)
+    if first.shape != second.shape or not np.allclose(first, second, atol=0.01, equal_nan=True):
+        raise PoseError("two answers to one picture differ", code="E_MODEL_PROBE")
 
 
 def extract_poses(

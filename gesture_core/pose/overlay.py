@@ -106,7 +106,7 @@ def overlay(
     tags : sequence of str, optional
         What to write above each of them, besides the time; each then has a box in a colour of their own.
     """
-    places = [iter(zip(pose.times.tolist(), pose.keypoints, strict=True)) for pose in poses]
+    places = [iter(zip(pose.times.tolist(), pose.flat.keypoints, strict=True)) for pose in poses]
     ahead = [next(place, None) for place in places]
     for time, frame in frames:
         picture = frame.copy()

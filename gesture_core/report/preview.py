@@ -116,7 +116,7 @@ def drawn(picture: np.ndarray | None, pose: PoseSequence) -> bytes:
     if picture is None:
         wide, high = pose.frame_size or _BLANK
         picture = np.zeros((high, wide, 3), np.uint8)
-    for keypoints in pose.keypoints:
+    for keypoints in pose.flat.keypoints:
         draw_pose(picture, keypoints, skeleton(pose.skeleton))
     if picture.shape[0] > _HEIGHT:
         size = max(1, round(picture.shape[1] * _HEIGHT / picture.shape[0])), _HEIGHT

@@ -13,7 +13,7 @@ from typing import Any
 
 from gesture_core.errors import GestureError
 from gesture_core.report.run_page import DATA, INDEX
-from gesture_core.run.answers import Answers
+from gesture_core.run.review import Answers
 
 _KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".mp4": "video/mp4"} | {
     ".svg": "image/svg+xml"

@@ -8,13 +8,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gesture_core.cores import usable_cores
 from gesture_core.files import cache_dir, switched_on, tree_sha256
+from gesture_core.records import encoded
 from gesture_core.run.inputs import Input
 from gesture_core.run.store import keypoint_store, mark_used, prune
-from gesture_core.run.workers.functions import encoded
+from gesture_core.run.workers.engines import perform_all
 from gesture_core.run.workers.previews import REVISION
-from gesture_core.run.workers.processes import ProcessEngine
 from gesture_core.settings import Settings
 from gesture_core.types import Job, Task
 from gesture_core.video.writer import can_write_video
@@ -99,17 +98,13 @@ class RowPreviews:
         items, reasons = list(inputs), dict[str, str]()
         if not can_write_video():
             return dict.fromkeys(self._wanted, "previews need PyAV: pip install 'gesture-core[video]'")
-        engine = ProcessEngine(max(1, min(workers or usable_cores(), len(items))), self.settings.limits)
         job = Job(self.settings.as_dict(), str(keypoint_store()))
         tasks = [self._task(number, item, inputs[item]) for number, item in enumerate(items)]
-        try:
-            for outcome in engine.run(job, tasks, lambda task, frames: None):
-                for name in inputs[items[outcome.number]]:
-                    made(name)
-                    if outcome.error:
-                        reasons[name] = outcome.error.cause
-        finally:
-            engine.close()
+        for outcome in perform_all(job, tasks, self.settings.limits, workers):
+            for name in inputs[items[outcome.number]]:
+                made(name)
+                if outcome.error:
+                    reasons[name] = outcome.error.cause
         return reasons
 
     def _task(self, number: int, item: Input, names: Iterable[str]) -> Task:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +17,15 @@ from gesture_core.files import printable
 from gesture_core.report.alignments import alignment_record
 from gesture_core.report.row_previews import Preview, RowPreviews
 from gesture_core.run.extract import Listener, people_of
-from gesture_core.run.inputs import Input, discover
+from gesture_core.run.found_again import GONE, look_again
+from gesture_core.run.inputs import Input
 from gesture_core.run.labels import label_inputs
 from gesture_core.run.results import open_results
+from gesture_core.run.store import Extracted
 from gesture_core.run.workers.decision import open_fitted
-from gesture_core.run.workers.keypoints import Extracted
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
-from gesture_core.types import PoseSequence, Row, Signals
+from gesture_core.types import PoseSequence, Recording, Row, Signals
 
 COLUMNS = (
     "input", "person", "event", "label", "status", "code", "message", "note", "distance", "margin", "score",
@@ -76,7 +76,7 @@ def read_rows(
     """All rows of a run for a page; the parameters are those of `run_page.write_report`."""
     with open_results(run) as results, results.failures():
         keyed = list(results.keyed_rows())
-        configuration = json.loads(results.get("configuration") or "{}")
+        configuration = results.configuration
         fingerprint = results.get("fingerprint") or ""
     recognizer = open_fitted(run, fingerprint)
     settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])
@@ -122,12 +122,6 @@ class _Example:
     seen: tuple[Input, Extracted, PoseSequence] | None = None
 
     @property
-    def key(self) -> bytes:
-        """As in `inputs.Input.key`."""
-        member = str(self.known.get("member", self.name.partition("::")[2]))
-        return os.fsencode(self.known["path"]) + b"\0" + member.encode("utf-8", "surrogatepass")
-
-    @property
     def label(self) -> str:
         return str(self.known["label"])
 
@@ -167,19 +161,21 @@ class _Page:
     examples: dict[str, _Example]
     recognizer: Recognizer | None
     previews: RowPreviews
-    _items: dict[bytes, Input] = field(default_factory=dict)
+    _items: dict[str, Input] = field(default_factory=dict)
 
     def find(self, rows: Sequence[_PageRow], labels: str, columns: str) -> None:
         """Look for the inputs where the run found them, and for their labels."""
-        self._items = _inputs([one.key for one in rows], self.settings)
+        places = {one.row.input: os.fsdecode(one.key.partition(b"\0")[0]) for one in rows}
+        self._items = {name: item for name, item in look_again(places, self.settings).items() if item}
         if labels:
             items = list(self._items.values())
             roots = [os.path.commonpath([item.path.absolute().parent for item in items])] if items else []
             truth = {item.key: item.label for item in label_inputs(items, labels, roots, columns)}
             for one in rows:
-                one.truth = truth.get(one.key)
+                item = self._items.get(one.row.input)
+                one.truth = truth.get(item.key) if item else None
         for one in rows:
-            one.missing = "" if one.key in self._items else "is not where the run found it"
+            one.missing = "" if one.row.input in self._items else GONE
             near = [(name, label) for name, label, _ in one.row.neighbors if name in self.examples]
             winner = one.row.label or (near[0][1] if near else None)
             one.near = next((self.examples[name].index for name, label in near if label == winner), None)
@@ -190,7 +186,8 @@ class _Page:
         self._find_examples(listener, workers)
         of_input: dict[bytes, list[_PageRow]] = {}
         for row in rows:
-            of_input.setdefault(row.key, []).append(row)
+            if row.row.input in self._items:
+                of_input.setdefault(self._items[row.row.input].key, []).append(row)
         for batch in self._batches(of_input, listener, workers):
             self._align(batch)
         if not previews:
@@ -218,11 +215,17 @@ class _Page:
     def _find_examples(self, listener: Listener, workers: int) -> None:
         """The keypoints of the examples that are still what they were."""
         by_key: dict[bytes, list[_Example]] = {}
+        items: dict[bytes, Input] = {}
+        places = {one.name: one.known["path"] for one in self.examples.values() if "path" in one.known}
+        there = look_again(places, self.settings)
         for one in self.examples.values():
-            if "path" in one.known:
-                by_key.setdefault(one.key, []).append(one)
-        items = list(_inputs(list(by_key), self.settings).values())
-        for item, found, people in people_of(items, self.settings, workers=workers, listener=listener):
+            item = there.get(one.name)
+            if item and item.kind in ("video", "keypoints"):
+                by_key.setdefault(item.key, []).append(one)
+                items[item.key] = item
+        for item, found, people in people_of(
+            list(items.values()), self.settings, workers=workers, listener=listener
+        ):
             for one in by_key[item.key]:
                 if people and found.sha256 == one.known["sha256"]:
                     one.seen, one.start = (item, found, people[0]), _stretch(people[0])[0]
@@ -234,6 +237,7 @@ class _Page:
         chain = Chain.from_settings(self.settings)
         batch: list[tuple[_PageRow, Signals, float]] = []
         readable = [item for item in self._items.values() if item.kind in ("video", "keypoints")]
+        readable = list({item.key: item for item in readable}.values())
         for item, found, people in people_of(readable, self.settings, workers=workers, listener=listener):
             by_number = {pose.person: pose for pose in people}
             for one in of_input[item.key]:
@@ -258,8 +262,12 @@ class _Page:
                 batch = []
         yield batch
 
-    def _want(self, one: _PageRow, item: Input, found: Extracted, pose: PoseSequence | None) -> None:
-        if pose is not None:
+    def _want(
+        self, one: _PageRow, item: Input, found: Extracted, pose: PoseSequence | Recording | None
+    ) -> None:
+        if isinstance(pose, Recording):
+            one.missing = "channels have no picture"
+        elif pose is not None:
             start, end = _stretch(pose)
             if one.row.event and one.row.start is not None and one.row.end is not None:
                 start, end = one.row.start, one.row.end
@@ -289,15 +297,6 @@ def _stretch(pose: PoseSequence) -> tuple[float, float]:
     """Seconds of the first and the last frame in which somebody is seen."""
     times = pose.times[pose.seen.any(axis=1)]
     return float(times[0]), float(times[-1])
-
-
-def _inputs(keys: Sequence[bytes], settings: Settings) -> dict[bytes, Input]:
-    """The inputs with these keys that are still where they were."""
-    places = dict.fromkeys(key.partition(b"\0")[0] for key in keys)
-    there = [place for place in map(os.fsdecode, places) if os.path.lexists(place)]
-    wanted = set(keys)
-    found = discover(there, settings=settings) if there else []
-    return {item.key: replace(item, label=None) for item in found if item.key in wanted}
 
 
 def _preset(recognizer: Recognizer | None) -> str:

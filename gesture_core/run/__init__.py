@@ -6,8 +6,8 @@ result); `pipeline` does it: `extract` has the keypoints of each input brought i
 decision is made in a worker (`workers`); `rows` says what came of it, and `results` keeps it in ``run.db``.
 `archive` has all of that as functions.
 
-Beside the way: `manifests` and `label_tables` read lists, `keypoint_files` leaves what `gesture extract`
-found, `export` writes rows as files. `evaluate` tests labelled inputs on each other (`protocol`: which on
-which), `explain` and `cut` go back to the inputs of a run (`found_again`), `annotations` compares events
-with marks.
+Beside the way: `tables` reads lists, `export` writes rows and keypoints as files. `evaluate` tests labelled
+inputs on each other, `explain`, `cut` and `find` go back to the inputs of a run (`inputs.find_inputs`),
+`review` makes examples of what a person corrected, `annotations` compares events with marks, `watch` has no
+run folder.
 """

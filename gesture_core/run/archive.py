@@ -78,6 +78,7 @@ def classify_archive(
     overwrite: bool = False,
     spot: bool = False,
     calibrate: Sources = (),
+    shard: str = "",
     listener: Listener | None = None,
     **changes: Any,
 ) -> RunSummary:
@@ -104,6 +105,8 @@ def classify_archive(
         Look for the examples in long recordings, see `spot_archive`.
     calibrate : path or sequence of paths
         With ``spot``: annotated recordings by which ``spot.tolerance`` is chosen, see `run.calibrate`.
+    shard : str
+        ``"3/16"``: only the third of 16 parts of the inputs, see `merge_runs`.
     listener : Listener, optional
         Told about the run as it goes on.
 
@@ -125,6 +128,7 @@ def classify_archive(
         retry_errors=retry_errors,
         overwrite=overwrite,
         spot=spot,
+        shard=shard,
     )
     if marked := as_strings(calibrate):
         from gesture_core.run.calibrate import calibrate as calibrated

@@ -107,7 +107,7 @@ def calibrate(
     spot = replace(request.settings.spot, tolerance=OPEN)
     out = request.out / FOLDER
     opened = replace(
-        request, sources=tuple(recordings), out=out, settings=replace(request.settings, spot=spot)
+        request, sources=tuple(recordings), out=out, shard="", settings=replace(request.settings, spot=spot)
     )
     summary = run_archive(opened, listener)
     with open_results(out) as results:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import re
 from collections import Counter, defaultdict
@@ -18,18 +17,16 @@ from gesture_core.errors import (
     InputError,
     MissingDependencyError,
     RunFolderError,
-    WorkerError,
 )
 from gesture_core.files import printable
-from gesture_core.records import Job, Row, Task
+from gesture_core.records import Job, Row, Task, encoded
 from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.found_again import find_inputs
 from gesture_core.run.inputs import Input
 from gesture_core.run.results import open_results
 from gesture_core.run.store import write_keypoints
 from gesture_core.run.workers.clips import SAME
-from gesture_core.run.workers.functions import encoded
-from gesture_core.run.workers.processes import ProcessEngine
+from gesture_core.run.workers.engines import perform_all
 from gesture_core.settings import Settings, settings_from_dict
 
 _ODD = re.compile(r"[^\w .=@+-]")
@@ -131,7 +128,7 @@ def cut_events(
         raise ConfigError(f"a margin of {margin} s", remedy="0 or more seconds", code="E_OPTION")
     with open_results(run) as results:
         rows = list(results.rows())
-        configuration = json.loads(results.get("configuration") or "{}")
+        configuration = results.configuration
         places = {name: results.place_of(name) for name in dict.fromkeys(row.input for row in rows)}
     cuttable = [row for row in rows if row.label is not None and row.start is not None]
     wanted = [row for row in cuttable if label is None or row.label == label]
@@ -227,28 +224,25 @@ class _Work:
             sha256 = self.rows[waiting[name][0]].sha256
             arguments = {"path": encoded(item.path), "sha256": sha256, "clips": parts, "sound": self.sound}
             tasks.append(Task(place, "cut", arguments))
-        engine = ProcessEngine(max(1, min(workers, len(tasks))), self.settings.limits)
         job = Job(self.settings.as_dict(), "")
         self.listener.planned(len(tasks), len(tasks), 0, "")
         self.listener.stage("cutting")
-        try:
-            for outcome in engine.run(
-                job, tasks, lambda task, n: self.listener.frames(names[task.number], n)
-            ):
-                name, error = names[outcome.number], outcome.error
-                self.listener.extracted(name, cached=False)
-                error = error.blaming() if isinstance(error, WorkerError) else error
-                for place, number in enumerate(waiting[name]):
-                    if error:
-                        yield number, _failed(self.clips[number], error)
-                        continue
-                    answer = outcome.value[place]
-                    clip = self.clips[number]
-                    status: Literal["written", "error"] = "error" if answer["code"] else "written"
-                    note = "; ".join(filter(None, [clip.note, answer.pop("note")]))
-                    yield number, replace(clip, status=status, note=note, **answer)
-        finally:
-            engine.close()
+
+        def report(task: Task, frames: int) -> None:
+            self.listener.frames(names[task.number], frames)
+
+        for outcome in perform_all(job, tasks, self.settings.limits, workers, report):
+            name = names[outcome.number]
+            self.listener.extracted(name, cached=False)
+            for place, number in enumerate(waiting[name]):
+                clip = self.clips[number]
+                if outcome.error:
+                    yield number, _failed(clip, outcome.error)
+                    continue
+                answer = outcome.value[place]
+                status: Literal["written", "error"] = "error" if answer["code"] else "written"
+                note = "; ".join(filter(None, [clip.note, answer.pop("note")]))
+                yield number, replace(clip, status=status, note=note, **answer)
 
 
 def _written(clip: Clip, pose: Any, facts: Mapping[str, Any]) -> Clip:
@@ -261,8 +255,7 @@ def _written(clip: Clip, pose: Any, facts: Mapping[str, Any]) -> Clip:
 
 
 def _failed(clip: Clip, error: GestureError) -> Clip:
-    message = error.message.removeprefix(f"{error.subject}: ") if error.subject else error.message
-    return replace(clip, status="error", code=error.code, message=message)
+    return replace(clip, status="error", code=error.code, message=error.reason)
 
 
 def _nothing(run: Path, label: str | None, labels: set[str]) -> GestureError:

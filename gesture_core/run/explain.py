@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -96,7 +95,7 @@ def explain(
     with open_results(run) as results:
         rows = list(results.rows())
         row = _row(rows, input, person, event)
-        configuration = json.loads(results.get("configuration") or "{}")
+        configuration = results.configuration
         left_out = {failed.input for failed in results.rows("example")}
         place = results.place_of(row.input)
         fingerprint = results.get("fingerprint") or ""  # of all its rows: other settings were refused

@@ -12,12 +12,10 @@ from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.abilities import Closeable
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.pose.models import choose_pose, described
-from gesture_core.records import Job, Outcome, Row, Task
+from gesture_core.records import Job, Outcome, Row, Task, encoded
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.run.inputs import Input
-from gesture_core.run.store import keypoint_store, prune, read_keypoints
-from gesture_core.run.workers.functions import encoded
-from gesture_core.run.workers.keypoints import Extracted
+from gesture_core.run.store import Extracted, keypoint_store, prune, read_keypoints
 from gesture_core.settings import Settings
 from gesture_core.types import PoseSequence
 
@@ -107,10 +105,7 @@ class OpenEngine:
         PluginError
             Where the engine raises.
         """
-        tasks = [
-            Task(n, "extract", {"path": encoded(item.path), "member": item.member, "reader": item.reader})
-            for n, item in enumerate(items)
-        ]
+        tasks = [Task(n, "extract", _arguments(item)) for n, item in enumerate(items)]
         plugins, frames = registry(), self._listener.frames
         for outcome in self._run(tasks, lambda task, count: frames(items[task.number].name, count)):
             item = items[outcome.number]
@@ -129,10 +124,7 @@ class OpenEngine:
                     outcome.error.remedy = (
                         "repair the file, or --set pose.reader=… with the other video reader"
                     )
-                error = outcome.error
-                found = Extracted(complete=False).failed(
-                    error.blaming() if isinstance(error, WorkerError) else error
-                )
+                found = Extracted(complete=False).failed(outcome.error)
             self._listener.extracted(item.name, found.cached)
             yield item, replace(found, plugin=str(entry.origin), attempts=outcome.attempts)
 
@@ -195,6 +187,12 @@ class OpenEngine:
         for number in sorted(waiting):
             cause = f"{self._entry} gave no outcome"
             yield Outcome(number, error=PluginError(cause, remedy=instead, code="E_PLUGIN_CONTRACT"))
+
+
+def _arguments(item: Input) -> dict[str, str]:
+    """Of the worker function ``extract``."""
+    where = {"address": item.address} if item.address else {}
+    return {"path": encoded(item.path), "member": item.member, "reader": item.reader, **where}
 
 
 def extract_all(

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import os
 import warnings
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gesture_core.cores import usable_cores
-from gesture_core.errors import Code, GestureError, InputError, WorkerError
+from gesture_core.errors import Code, ConfigError, GestureError, InputError
 from gesture_core.records import Job, Task
 from gesture_core.run.archive import Sources, as_strings, with_changes
 from gesture_core.run.extract import Listener, extract_all, people_of
 from gesture_core.run.found_again import find_inputs
 from gesture_core.run.inputs import Input, discover
 from gesture_core.run.results import DATABASE, open_results
-from gesture_core.run.store import keypoint_store
-from gesture_core.run.workers.keypoints import Extracted
-from gesture_core.run.workers.processes import ProcessEngine
+from gesture_core.run.store import Extracted, keypoint_store
+from gesture_core.run.workers.engines import ProcessEngine
 from gesture_core.settings import Settings, settings_from_dict
-from gesture_core.spot.find import Hit
+from gesture_core.spot.find import Hit, Query
+
+if TYPE_CHECKING:
+    from gesture_core.run.workers.worker import Worker
 
 _BATCH = 64
 """Inputs that are searched while others wait."""
@@ -106,7 +107,7 @@ def find(
         with open_results(sources[0]) as results:
             names = dict.fromkeys(row.input for row in results.rows() if row.code != Code.NOT_AN_INPUT)
             places = {name: results.place_of(name) for name in names}
-            configuration = json.loads(results.get("configuration") or "{}")
+            configuration = results.configuration
         if settings is None and not changes:
             ready = settings_from_dict(configuration["settings"])
         for name, known in find_inputs(places, ready).items():
@@ -156,6 +157,41 @@ def _query(clip: str | os.PathLike[str], settings: Settings, listener: Listener)
     return extracted
 
 
+class Searcher:
+    """The search, as functions of the table."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+        self._query: Query | None = None
+
+    def open_query(self, stored: str, name: str, top: int) -> None:
+        """Take the first person of a stored clip as what is looked for."""
+        self._worker.slow()
+        self._query = Query(self._worker.people(stored, name)[0], self._worker.settings, top)
+
+    def find(self, name: str, stored: str) -> dict[str, Any]:
+        """The places in a stored input that are among the nearest of all that this worker has searched.
+
+        A dict of ``hits``, ``notes``, ``frames``, ``warped`` and the ``code`` and ``message`` of an error.
+        """
+        assert self._query is not None, "open_query comes first"
+        query, before = self._query, (self._query.frames, self._query.warped)
+        found: dict[str, Any] = {"hits": [], "notes": [], "code": "", "message": ""}
+        self._worker.slow()
+        for pose in self._worker.people(stored, name):
+            try:
+                hits, note = query.search(pose, self._worker.alive)
+            except ConfigError:
+                raise
+            except GestureError as error:
+                found |= {"code": error.code, "message": error.message}
+                continue
+            found["hits"] += [asdict(hit) for hit in hits]
+            found["notes"] += [note] if note else []
+        found["frames"], found["warped"] = query.frames - before[0], query.warped - before[1]
+        return found
+
+
 class _Search:
     """Workers that know the query, as a context manager."""
 
@@ -175,9 +211,14 @@ class _Search:
     def add(self, found: Findings, some: Sequence[tuple[Input, Extracted]]) -> Findings:
         """``found`` and what is in further inputs."""
         hits, inputs, frames, warped = list(found.hits), found.inputs, found.frames, found.warped
-        for item, value in self._answers(some):
-            if isinstance(value, GestureError):
-                found.failed[item.name] = value.code, value.message
+        tasks = [
+            Task(number, "find", {"name": item.name, "stored": extracted.stored})
+            for number, (item, extracted) in enumerate(some)
+        ]
+        for outcome in self._engine.run(self._job, tasks, lambda task, frames: None):
+            (item, _), value = some[outcome.number], outcome.value
+            if outcome.error:
+                found.failed[item.name] = outcome.error.code, outcome.error.message
                 continue
             hits += [Hit(**hit) for hit in value["hits"]]
             inputs += value["frames"] > 0
@@ -187,16 +228,3 @@ class _Search:
             if value["code"]:
                 found.failed[item.name] = value["code"], value["message"]
         return replace(found, hits=sorted(hits)[: self._top], inputs=inputs, frames=frames, warped=warped)
-
-    def _answers(
-        self, some: Sequence[tuple[Input, Extracted]]
-    ) -> Iterator[tuple[Input, dict[str, Any] | GestureError]]:
-        tasks = [
-            Task(number, "find", {"name": item.name, "stored": extracted.stored})
-            for number, (item, extracted) in enumerate(some)
-        ]
-        for outcome in self._engine.run(self._job, tasks, lambda task, frames: None):
-            error = outcome.error
-            if isinstance(error, WorkerError):
-                error = error.blaming()
-            yield some[outcome.number][0], error or outcome.value

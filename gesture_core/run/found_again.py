@@ -1,63 +1,73 @@
-"""The inputs of a run, found again where it left them, each by itself: what is gone costs itself only."""
+"""The inputs of a run, found again where it left them, each by itself."""
 
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
 from gesture_core.files import printable
 from gesture_core.records import Job
-from gesture_core.run.inputs import Input, discover
+from gesture_core.run.addresses import fetch, is_address, look
+from gesture_core.run.inputs import VIDEO_SUFFIXES, Input, Walk, exists
+from gesture_core.run.readers import Readers
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 
+GONE = "is not where the run found it"
+Places = Mapping[str, str | os.PathLike[str] | None]
+"""Absolute paths by the names of inputs, as a run knows them; None where it does not."""
 
-def find_inputs(
-    places: Mapping[str, str | os.PathLike[str] | None], settings: Settings
-) -> dict[str, Input | GestureError]:
-    """The input of each name, or why there is none.
 
-    Parameters
-    ----------
-    places : mapping
-        Absolute paths by the names of inputs, as the run knows them; None where it does not.
-    settings : Settings
-        Of the run.
-    """
+def find_inputs(places: Places, settings: Settings) -> dict[str, Input | GestureError]:
+    """The inputs of a run by their names, or why they cannot be read: what is gone costs itself only."""
     found: dict[str, Input | GestureError] = {}
-    looked: dict[Path, dict[str, Input]] = {}
-    with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant, warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        for name, place in places.items():
-            path, member = _path(name, os.fspath(place or "")), name.partition("::")[2]
-            try:
-                if path not in looked:
-                    every = discover([path], assistant=assistant)
-                    looked[path] = {_spelled(item.path, printable(item.member)): item for item in every}
-                item = looked[path].get(_spelled(path, member)) or looked[path][_spelled(path, "")]
-                readable = item.kind in ("video", "keypoints") and printable(item.member) == member
-                fault, code = item.fault or "is not what the run found there", item.code or "E_CHANGED"
-                found[name] = item if readable else replace(item, name=name, fault=fault, code=code).error()
-            except (GestureError, KeyError):
-                found[name] = InputError(
-                    "is not where the run found it",
-                    subject=name,
-                    remedy="to put it back",
-                    code="E_NOT_FOUND",
-                )
+    for name, item in look_again(places, settings).items():
+        if item is None:
+            remedy = "to put it back"
+            found[name] = InputError(GONE, subject=name, remedy=remedy, code="E_NOT_FOUND")
+        elif item.kind in ("video", "keypoints") and (
+            item.name == name if item.address else printable(item.member) == name.partition("::")[2]
+        ):
+            found[name] = item
+        else:
+            fault, code = item.fault or "is not what the run found there", item.code or "E_CHANGED"
+            found[name] = replace(item, name=name, fault=fault, code=code).error()
     return found
 
 
-def _path(name: str, place: str) -> Path:
-    """Where an input is: at its place, or, after a move, where its name leads from here."""
-    typed = Path(name.partition("::")[0])
-    return typed if not place or (typed.exists() and not Path(place).exists()) else Path(place)
+def look_again(places: Places, settings: Settings) -> dict[str, Input | None]:
+    """What lies where a run found its inputs, by their names; None where there is nothing.
+
+    After a move, an input is where its name leads from here.
+    """
+    found: dict[str, Input | None] = {}
+    looked: dict[Path, dict[str, Input]] = {}
+    with Assistant(Job(settings.as_dict(), ""), settings.limits) as assistant:
+        readers = Readers(assistant)
+        for name, place in places.items():
+            if is_address(name):
+                found[name] = _fetched_again(name, readers)
+                continue
+            shown, _, member = name.partition("::")
+            path = Path(place or shown)
+            path = Path(shown) if not exists(path) and exists(Path(shown)) else path
+            if path not in looked:
+                every = Walk(None, readers).path(path) if exists(path) else ()
+                looked[path] = {printable(item.member): item for item in every if item.path == path}
+            found[name] = looked[path].get(member) or looked[path].get("")
+    return found
 
 
-def _spelled(path: Path, member: str) -> str:
-    """The same for all spellings of an input."""
-    return f"{path.resolve()}::{member}"
+def _fetched_again(name: str, readers: Readers) -> Input | None:
+    """The input of an address, fetched; None where it is not there."""
+    whole = name if Path(name).suffix.lower() in VIDEO_SUFFIXES else name.rpartition("::")[0] or name
+    with suppress(GestureError):
+        item = next((one for one in Walk(None, readers).address(whole) if one.name == name), None)
+        if item:
+            fetch(look(item.address), item.path)
+        return item
+    return None

@@ -14,7 +14,7 @@ def register_result_writers(register: Register) -> None:
 def register_engines(register: Register) -> None:
     register(
         "processes",
-        "gesture_core.run.workers.processes:ProcessEngine",
+        "gesture_core.run.workers.engines:ProcessEngine",
         summary="worker processes with time and memory limits",
     )
     register(

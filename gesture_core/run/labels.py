@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -13,7 +15,7 @@ from typing import Protocol
 from gesture_core.errors import ConfigError
 from gesture_core.files import printable
 from gesture_core.run.inputs import Input
-from gesture_core.run.label_folders import LEVEL, FolderLabels
+from gesture_core.run.results import DATABASE
 
 TABLES = (".csv", ".tsv", ".txt")
 """What the name of a table ends in."""
@@ -42,13 +44,13 @@ def label_inputs(
     ----------
     items : sequence of Input
     labels : str
-        ``folder``, or ``folder:`` and a level, see `label_folders.FolderLabels`. A path to a table of paths
-        and labels (``.csv``, ``.tsv``, ``.txt``), see `label_tables.LabelTable`. Otherwise a regular
+        ``folder``, or ``folder:`` and a level, see `FolderLabels`. A path to a table of paths
+        and labels (``.csv``, ``.tsv``, ``.txt``), see `tables.LabelTable`. Otherwise a regular
         expression whose group ``label``, or first group, is found by `search_name`.
     roots : sequence of path
         The sources that the inputs were found in.
     columns : str
-        The headings of a table, as in `manifests.read_labels`.
+        The headings of a table, as in `tables.read_labels`.
 
     Raises
     ------
@@ -89,7 +91,7 @@ def _source_of(
     items: Sequence[Input], labels: str, roots: Sequence[str | os.PathLike[str]], columns: str
 ) -> Labels:
     if labels.lower().endswith(".csv") or (labels.lower().endswith(TABLES) and Path(labels).is_file()):
-        from gesture_core.run.label_tables import LabelTable
+        from gesture_core.run.tables import LabelTable
 
         return LabelTable(Path(labels), columns, items)
     if columns:
@@ -152,3 +154,196 @@ def _accented(letter: str) -> bool:
     """An accent, or a letter beyond ASCII of a writing with capitals: others put no spaces between words."""
     cased = letter.lower() != letter.upper()
     return not letter.isascii() and (cased or bool(unicodedata.combining(letter)))
+
+
+LEVEL = re.compile(r"folder(?::(-?\d+))?")
+"""``folder``, or ``folder:`` and a level."""
+# Folders that are parts of a data set.
+_PARTS = frozenset(
+    "train training trn val valid validation dev eval evaluation test testing tst holdout".split()
+)
+# What people are called in front of their number.
+_PEOPLE = frozenset(
+    "s sub subj subject p person people u user a actor participant signer performer id".split()
+)
+_NUMBER = re.compile(r"[\d\W_]+")
+# Of the folders that lie in any of the folders above, each of these holds this share on average: the same.
+_ALIKE = 0.5
+_SHOWN = 4
+
+Folders = tuple[str, ...]
+
+
+class FolderLabels:
+    """The label of an input, by a folder that it lies in.
+
+    Parameters
+    ----------
+    level : int or None
+        None for the first folder below the root, or where the roots themselves are folders of clips side by
+        side, as a pattern such as ``examples/*`` gives them, the root. N for the N-th folder below the root,
+        from 0; -1 for the one that holds the clip, -2 for the one above.
+    items : sequence of Input
+    roots : sequence of path
+        The sources that the items were found in.
+
+    Raises
+    ------
+    ConfigError
+        ``E_LABELS`` for no level where another one than the first looks like the label.
+    """
+
+    def __init__(
+        self, level: int | None, items: Sequence[Input], roots: Sequence[str | os.PathLike[str]]
+    ) -> None:
+        self._level = level
+        self._roots = _folders(roots)
+        self._are_roots = self._level is None and _are_labels(items, self._roots)
+        if self._are_roots:
+            self._check_roots()
+        elif self._level is None:
+            self._check([item for item in items if item.kind in ("video", "keypoints")])
+
+    def __call__(self, item: Input) -> str | None:
+        if self._level is not None and self._level < 0:
+            above = item.path.absolute().parts[:-1]
+            return printable(above[self._level]) if len(above) > -self._level else None
+        root, below = _place(item, self._roots)
+        if root is None:
+            return None
+        if self._are_roots:
+            return printable(root.name)
+        level = self._level or 0
+        return printable(below[level]) if len(below) > level else None
+
+    def refusal(self, item: Input) -> tuple[str, str]:
+        """Why ``item`` has no label, and what helps."""
+        root, below = _place(item, self._roots)
+        if root is None:
+            fault = "no folder was named that it lies in"
+        else:
+            fault = f"it lies in no folder below {printable(root)}"
+            fault += f" with number {self._level}" if self._level else ""
+        if item.kind == "keypoints" and item.path.is_dir():
+            return fault, f"a folder for each clip, such as {item.name}/1/*_keypoints.json"
+        if root is not None and not below:
+            name, parent = printable(root.name), printable(root.parent)
+            return fault, f"the folder above, {parent}, if {name} is the label, or --labels folder:-1"
+        return (
+            fault,
+            "--labels folder:-1 for the folder that holds each clip, a table, or a regular expression",
+        )
+
+    def _check_roots(self) -> None:
+        """Refuse sources side by side that are parts of a data set, or people."""
+        names = {root.name for root in self._roots}
+        parts = _are_parts(names)
+        if parts or _numbered([(name,) for name in names], 0) in _PEOPLE:
+            raise ConfigError(
+                f"{_listed(names)} look like {'parts of a data set' if parts else 'people'}, not labels",
+                remedy="--labels with a table or a regular expression, or --labels folder:-1 if "
+                f"{_listed(names)} are the labels",
+                code="E_LABELS",
+            )
+
+    def _check(self, items: Sequence[Input]) -> None:
+        """Refuse labels that are parts of a data set, or people who perform."""
+        tree = [below for item in items if (below := _place(item, self._roots)[1])]
+        if not tree:
+            return
+        top = {folders[0] for folders in tree}
+        depth = min(map(len, tree))
+        parts = _are_parts(top)
+        if not parts and not (depth > 1 and _repeats(tree, 0)):
+            return
+        level = 1
+        while level + 1 < depth and (_numbered(tree, level) is not None or _repeats(tree, level)):
+            level += 1
+        what = (
+            f"{_listed(top)} look like {'parts of a data set' if parts else 'people or places'}, not labels"
+        )
+        anyway = f"--labels folder:0 if {_listed(top)} are the labels"
+        if level >= depth:
+            raise ConfigError(
+                what, remedy=f"--labels with a table or a regular expression, or {anyway}", code="E_LABELS"
+            )
+        names = _listed({folders[level] for folders in tree})
+        number = -1 if {len(folders) for folders in tree} == {level + 1} else level
+        raise ConfigError(
+            f"{what}; below {'it' if len(top) == 1 else 'each of them'} lie folders such as {names}",
+            remedy=f"--labels folder:{number} for {names}; {anyway}",
+            code="E_LABELS",
+        )
+
+
+def label_folders(items: Sequence[Input], roots: Sequence[str | os.PathLike[str]], avoid: Path) -> set[str]:
+    """Names of the folders that stand for labels, whatever is in them, where ``--labels`` is ``folder``.
+
+    Hidden ones, ``avoid`` and other run folders stand for none.
+    """
+    folders = _folders(roots)
+    if _are_labels(items, folders):
+        return {folder.name for folder in folders}
+    found: set[str] = set()
+    for root in folders:
+        with suppress(OSError):  # what cannot be listed has been said by then
+            for folder in root.iterdir():
+                own = (folder / DATABASE).exists() or folder.resolve() == avoid.resolve()
+                if folder.is_dir() and not own and not folder.name.startswith("."):
+                    found.add(folder.name)
+    return found
+
+
+def _folders(roots: Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """The folders among the sources, those of patterns included."""
+    found = []
+    for root in roots:
+        text = os.fspath(root)
+        some = [text] if Path(text).exists() else sorted(glob.glob(text, recursive=True))  # noqa: PTH207
+        found += [Path(one) for one in some if Path(one).is_dir()]
+    return found
+
+
+def _are_labels(items: Sequence[Input], roots: Sequence[Path]) -> bool:
+    """Whether the roots are folders of clips side by side."""
+    if len(roots) < 2 or len({root.absolute().parent for root in roots}) > 1:
+        return False
+    clips = [item for item in items if item.kind in ("video", "keypoints")]
+    return bool(clips) and all(item.path.parent in roots for item in clips)
+
+
+def _place(item: Input, roots: Sequence[Path]) -> tuple[Path | None, Folders]:
+    """The root that an input lies in, and the folders between."""
+    for root in roots:
+        if item.path != root and item.path.is_relative_to(root):
+            return root, item.path.relative_to(root).parts[:-1]
+    return None, ()
+
+
+def _are_parts(names: Iterable[str]) -> bool:
+    return all(_NUMBER.sub("", name).casefold() in _PARTS for name in names)
+
+
+def _numbered(tree: Sequence[Folders], level: int) -> str | None:
+    """What all folders of a level are called in front of their number (people, cameras, days), else None."""
+    names = {folders[level] for folders in tree if len(folders) > level}
+    stems = {_NUMBER.sub("", name).casefold() for name in names}
+    alike = len(stems) == 1 and all(any(letter.isdigit() for letter in name) for name in names)
+    return stems.pop() if alike else None
+
+
+def _repeats(tree: Sequence[Folders], level: int) -> bool:
+    """Whether the folders of a level hold the same folders, which are not just numbered."""
+    inside: dict[Folders, set[str]] = {}
+    for folders in tree:
+        inside.setdefault(folders[: level + 1], set()).add(folders[level + 1])
+    every = set().union(*inside.values())
+    shares = [len(names) / len(every) for names in inside.values()]
+    alike = len(every) > 1 and sum(shares) / len(shares) >= _ALIKE
+    here, below = _numbered(tree, level), _numbered(tree, level + 1)
+    return alike and (below is None or (here is not None and (here in _PEOPLE or below not in _PEOPLE)))
+
+
+def _listed(names: Iterable[str]) -> str:
+    ordered = sorted(printable(name) for name in names)
+    return ", ".join(ordered[:_SHOWN]) + (", …" if ordered[_SHOWN:] else "")

@@ -20,18 +20,16 @@ from gesture_core.classify.examples import sided_labels
 from gesture_core.errors import Code, ConfigError, GestureError, InputError, KeypointError, WorkerError
 from gesture_core.files import switched_on
 from gesture_core.pose.models import described
-from gesture_core.records import Job, Row
+from gesture_core.records import Job, Row, encoded
+from gesture_core.run.addresses import local_path
 from gesture_core.run.extract import Listener, OpenEngine
 from gesture_core.run.inputs import Input
-from gesture_core.run.label_folders import label_folders
-from gesture_core.run.labels import word
+from gesture_core.run.labels import label_folders, word
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
 from gesture_core.run.results import Results, open_results, run_folder
 from gesture_core.run.rows import contradicting_row, rows_of, unread_row
-from gesture_core.run.store import keypoint_store, prune
+from gesture_core.run.store import Extracted, keypoint_store, prune
 from gesture_core.run.workers.engines import Assistant
-from gesture_core.run.workers.functions import encoded
-from gesture_core.run.workers.keypoints import Extracted
 
 _BATCH = 64
 _TIMES = re.compile(r" \(\d+ times\)$")
@@ -147,7 +145,9 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         classes = Counter(str(label) for label in labels if label)
         named = {item.label for item in plan.examples if item.label}
         if request.labels == "folder":  # a folder stands for a label, whatever is in it
-            named |= set(map(word, label_folders(plan.examples, request.examples, request.out)))
+            named |= set(
+                map(word, label_folders(plan.examples, [*map(local_path, request.examples)], request.out))
+            )
         return RunSummary(
             request.out,
             results.counts(),
@@ -331,8 +331,7 @@ class _Run:
         except ConfigError:
             raise
         except GestureError as error:
-            failed = error.blaming() if isinstance(error, WorkerError) else error
-            return rows_of(item, found.failed(failed), None, mark)[0]
+            return rows_of(item, found.failed(error), None, mark)[0]
         return None
 
     def _decide(self, batch: Sequence[tuple[Input, Extracted]]) -> None:
@@ -371,8 +370,7 @@ class _Run:
             if not alone:
                 each = [self._decided([one], alone=True) for one in some]
                 return {key: value for one in each for key, value in one.items()}
-            failed = error.blaming() if isinstance(error, WorkerError) else error
-            prediction = {"status": "error", "code": failed.code, "message": failed.message}
+            prediction = {"status": "error", "code": error.code, "message": error.message}
             attempts = 2 if isinstance(error, WorkerError) else 1
             return {some[0][0].key: ([prediction] * len(some[0][1].people), attempts)}
         return {item.key: (answer, 1) for (item, _), answer in zip(some, answers, strict=True)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -14,6 +13,7 @@ from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import content_sha256, stamp, switched_on
 from gesture_core.plugin import registry
 from gesture_core.pose.models import choose_pose
+from gesture_core.run.addresses import fetch, local_path, look, roots, sha256_of, shown
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import (
     differences,
@@ -25,11 +25,12 @@ from gesture_core.run.fingerprint import (
 from gesture_core.run.inputs import COMPANIONS, FRAMES, PICTURE_SUFFIXES, Input, discover
 from gesture_core.run.labels import label_inputs
 from gesture_core.run.results import Results
+from gesture_core.run.shards import Shard, check_same_shard, part_of
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 
 if TYPE_CHECKING:
-    from gesture_core.run.keypoint_files import KeypointFiles
+    from gesture_core.run.export import KeypointFiles
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,8 @@ class RunRequest:
         Forget the rows of a run that was made with other settings.
     spot : bool
         Look for the examples in long recordings, instead of comparing them with whole inputs.
+    shard : str
+        ``K/N``: only the K-th of N parts of the inputs, see `shards.Shard`; empty for all of them.
     """
 
     sources: tuple[str, ...]
@@ -72,6 +75,7 @@ class RunRequest:
     overwrite: bool = False
     label_columns: str = ""
     spot: bool = False
+    shard: str = ""
 
 
 @dataclass(frozen=True)
@@ -135,14 +139,20 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         A source, setting, plugin or model that cannot be used, or a run folder made with other
         settings (E_CONFIG_CHANGED). The results are as they were.
     """
-    settings = request.settings
+    settings, shard = request.settings, Shard.parse(request.shard)
     registry().find("engine", request.engine)
     found = discover(request.sources, avoid=request.out, assistant=assistant)
     if not found:
         raise InputError(
-            "holds no input", subject=", ".join(request.sources), remedy="another path", code="E_EMPTY"
+            "holds no input",
+            subject=", ".join(map(shown, request.sources)),
+            remedy="another path",
+            code="E_EMPTY",
         )
-    inputs = [_stamped(item) for item in found]
+    for place, item in enumerate(found):  # in their place, as there may be a million
+        if shard is None or shard.holds(item):
+            found[place] = _stamped(item)
+    inputs = found if shard is None else [item for item in found if shard.holds(item)]
     examples = _examples(request, assistant)
     kernel = ""
     if examples:
@@ -150,32 +160,37 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         kernel = assistant.ask("open_classifier", keep=True)
     settings = replace(settings, classify=replace(settings.classify, kernel=kernel))
     examples = [_hashed(_stamped(item), results) for item in examples]
-    every = [*inputs, *examples]
+    every = [*found, *examples]  # a shard's rows are those that one run of all would have
     videos = any(item.kind == "video" for item in every)
     if videos:
         settings = choose_pose(settings)
     identity = pose_identity(settings, every)
     configuration = run_configuration(settings, identity, examples, kernel, request.spot)
     configuration, changed = _compared(results, configuration, overwrite=request.overwrite)
+    if not request.overwrite:
+        check_same_shard(results, shard)
     again = changed or request.overwrite or switched_on("GESTURE_NO_CACHE")
-    done = {} if again else results.done(retry_errors=request.retry_errors)
     files = None
     if not examples:
-        from gesture_core.run.keypoint_files import KeypointFiles
+        from gesture_core.run.export import KeypointFiles
 
-        files = KeypointFiles(request.out, results, inputs, request.sources)
+        files = KeypointFiles(request.out, results, found, [*map(local_path, request.sources)])
     lacking = files.lacking() if files else set()
-    waiting = [
-        item for item in inputs if item.key in lacking or not item.stamp or done.get(item.key) != item.stamp
-    ]
+    undone = {item.key: item.stamp for item in inputs}
+    for key, stamp_then in () if again else results.done(retry_errors=request.retry_errors):
+        if stamp_then and key not in lacking and undone.get(key) == stamp_then:
+            del undone[key]
+    waiting = [item for item in inputs if item.key in undone]
+    del undone
     if waiting and any(item.kind == "video" for item in (*waiting, *examples)):
         with OpenEngine(settings, identity, most=1, engine=request.engine) as engine:
             engine.require_model()
     if changed or request.overwrite:
         results.clear()
     mark = fingerprint(configuration)
-    results.set({"configuration": configuration, "fingerprint": mark})
-    gone = _gone(results, inputs)
+    part = part_of(shard, found, inputs)
+    results.set({"configuration": configuration, "fingerprint": mark, "part": part})
+    gone = _gone(results, found, request.sources)
     results.forget(gone)
     if files:
         files.sweep()
@@ -198,13 +213,16 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
     found = discover(request.examples, avoid=request.out, assistant=assistant)
     if all(item.kind == "other" for item in found):
         pictures = any(item.path.suffix.lower() in PICTURE_SUFFIXES for item in found)
+        why = next((f": {item.name}: {item.fault}" for item in found if item.fault), "")
         raise InputError(
-            "holds no example",
-            subject=", ".join(request.examples),
+            f"holds no example{why}",
+            subject=", ".join(map(shown, request.examples)),
             remedy="examples/<label>/<clip>" + (f", or for a picture {FRAMES}" if pictures else ""),
             code="E_EMPTY",
         )
-    labelled = label_inputs(found, request.labels, request.examples, request.label_columns)
+    labelled = label_inputs(
+        found, request.labels, [*map(local_path, request.examples)], request.label_columns
+    )
     # What nobody reads is a lost example where it has a label; without one it was never meant as any.
     return [
         item
@@ -231,6 +249,8 @@ def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:
 
 def _stamped(item: Input) -> Input:
     """With the file's stamp; without one, where it cannot be looked at, it never counts as known."""
+    if item.address:  # listed with it
+        return item
     with suppress(OSError):
         return replace(item, stamp=stamp(item.path))
     return item
@@ -243,9 +263,19 @@ def _hashed(item: Input, results: Results) -> Input:
     known = results.sha256(item) if item.stamp else None
     with suppress(OSError):
         if not known:
-            known = content_sha256(item.path)
+            known = _content(item)
             results.remember(item, known)
     return replace(item, sha256=known or "")
+
+
+def _content(item: Input) -> str:
+    """The content hash of an example, as it is now."""
+    if item.address:
+        entry = look(item.address)
+        if known := sha256_of(entry):
+            return known
+        fetch(entry, item.path)
+    return content_sha256(item.path)
 
 
 def _compared(
@@ -254,14 +284,14 @@ def _compared(
     """The configuration, with what the folder's rows need as well, and whether these were made with another
     one: an error unless that is wanted.
     """
-    before = json.loads(results.get("configuration") or "{}")
+    before = results.configuration
     if not before:
         return configuration, False
     together = with_parts_of(before, configuration)
     changed = differences(with_parts_of(configuration, before), together)
     if not changed:
         return together, False
-    if not results.places():
+    if not results.counts():
         return configuration, True
     if not overwrite:
         lines = "\n  ".join(changed[:20]) + (f"\n  … and {len(changed) - 20} more" if changed[20:] else "")
@@ -275,15 +305,17 @@ def _compared(
     return configuration, True
 
 
-def _gone(results: Results, inputs: Sequence[Input]) -> list[bytes]:
+def _gone(results: Results, inputs: Sequence[Input], sources: Sequence[str]) -> list[bytes]:
     """Keys of rows whose input no longer exists, or is now read in another way."""
     keys = {item.key for item in inputs}
-    places = {item.place for item in inputs}
-    return [
-        key
+    listed = roots(sources)
+    strange = [
+        (key, place)
         for key, place in results.places()
-        if key not in keys and (place in places or not os.path.lexists(place))
+        if key not in keys and (b"://" not in place or place.startswith(listed))
     ]
+    places = {item.place for item in inputs} if strange else set()
+    return [key for key, place in strange if place in places or not os.path.lexists(place)]
 
 
 def _contradictions(examples: Sequence[Input]) -> dict[bytes, Input]:

@@ -1,15 +1,19 @@
-"""Which keypoint reader takes a file or a folder."""
+"""Which keypoint reader takes a file or a folder: one of people, or one of channels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gesture_core.errors import GestureError, PluginError, WorkerError
 from gesture_core.plugin.registry import Registration, registry
+from gesture_core.records import encoded
 from gesture_core.run.workers.engines import Assistant
-from gesture_core.run.workers.functions import Answer, encoded
+
+if TYPE_CHECKING:
+    from gesture_core.run.workers.keypoints import Answer
 
 _TOGETHER = 1000
 """Paths that a reader is asked about at once."""
@@ -20,6 +24,10 @@ class Readers:
 
     Attributes
     ----------
+    channels : bool
+        Inputs are recordings of channels instead of people.
+    pictures : bool
+        Pictures are inputs of one frame.
     suffixes : frozenset of str
         Those that readers announce.
     """
@@ -27,14 +35,18 @@ class Readers:
     def __init__(self, assistant: Assistant) -> None:
         plugins = registry()
         self._assistant = assistant
+        self.channels = assistant.settings["signals"]["input"] == "channels"
+        self.pictures = bool(assistant.settings["video"]["pictures"])
         usable = plugins.names("reader", usable=True)
-        self._every = [plugins.find("reader", name) for name in usable]
+        every = [plugins.find("reader", name) for name in usable]
+        self._every = [reader for reader in every if reader.channels == self.channels]
         self.suffixes = frozenset(suffix for reader in self._every for suffix in reader.suffixes)
         self._lacking = [
             entry
             for name in plugins.names("reader")
             if name not in usable and len(entries := plugins.entries["reader", name]) == 1
             for entry in entries
+            if entry.channels == self.channels
         ]
         self._answers: dict[tuple[str, Path], Answer] = {}
 
@@ -93,7 +105,7 @@ class Readers:
             return f"no reader takes it; {'; '.join(causes)}"
         if near:
             return f"no reader takes it, not {' nor '.join(reader.name for reader in near)}"
-        return "neither a video nor a keypoint file"
+        return "no series of channels" if self.channels else "neither a video nor a keypoint file"
 
     def members(self, reader: str, path: Path) -> list[str]:
         """Names of the sequences in ``path``; a PluginError where the reader ends its process."""

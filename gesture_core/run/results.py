@@ -44,6 +44,12 @@ _TABLES = {
     "published": "key BLOB PRIMARY KEY, file TEXT NOT NULL",
 }
 
+_COLUMNS = {
+    "meta": ("key", "value"),
+    "content": ("key", "stamp", "sha256"),
+    "rows": ("key", "place", "role", *COLUMNS),
+    "published": ("key", "file"),
+}
 _QUOTED = ", ".join(f"`{name}`" for name in COLUMNS)
 """The columns as SQL takes them: some are its words."""
 
@@ -154,6 +160,11 @@ class Results:
         row = self._db.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         return row["value"] if row else None
 
+    @property
+    def configuration(self) -> dict[str, Any]:
+        """What decided its rows, from `fingerprint.run_configuration`; empty where no run has begun."""
+        return dict(json.loads(self.get("configuration") or "{}"))
+
     def set(self, facts: Mapping[str, Any]) -> None:
         """Record facts about the run: strings as they are, anything else as JSON."""
         with _transaction(self._db):
@@ -185,25 +196,23 @@ class Results:
                     (item.key, item.place, role, *(record[name] for name in COLUMNS)),
                 )
 
-    def done(self, *, retry_errors: bool = False) -> dict[bytes, str]:
-        """Keys of inputs that need no more work while they have these stamps."""
+    def done(self, *, retry_errors: bool = False) -> Iterator[tuple[bytes, str]]:
+        """Keys and stamps of inputs that need no more work while they have these stamps."""
         having = "HAVING SUM(status = 'error') = 0" if retry_errors else ""
         query = (
             "SELECT rows.key, stamp FROM rows JOIN content USING (key) "
             f"WHERE role = 'query' AND rows.sha256 = content.sha256 GROUP BY rows.key {having}"
         )
-        return {row["key"]: row["stamp"] for row in self._db.execute(query)}
+        return (tuple(row) for row in self._db.execute(query))
 
     def rows(self, role: str = "query") -> Iterator[Row]:
         """All rows, ordered by input, person and event."""
+        return (row for _, row in self.keyed_rows(role))
+
+    def keyed_rows(self, role: str = "query") -> Iterator[tuple[bytes, Row]]:
+        """All rows, ordered as by `rows`, each with the key of its input."""
         query = "SELECT * FROM rows WHERE role = ? ORDER BY input, key, person, rowid"
         for record in self._db.execute(query, (role,)):
-            yield Row.from_record(_ADDED | dict(record))
-
-    def keyed_rows(self) -> Iterator[tuple[bytes, Row]]:
-        """All rows of inputs, ordered as by `rows`, each with the key of its input."""
-        query = "SELECT * FROM rows WHERE role = 'query' ORDER BY input, key, person, rowid"
-        for record in self._db.execute(query):
             yield record["key"], Row.from_record(_ADDED | dict(record))
 
     def place_of(self, name: str) -> Path | None:
@@ -212,10 +221,34 @@ class Results:
         row = self._db.execute(query, (name,)).fetchone()
         return Path(os.fsdecode(row["place"])) if row else None
 
-    def places(self) -> list[tuple[bytes, bytes]]:
+    def places(self) -> Iterator[tuple[bytes, bytes]]:
         """Key and path of every input that has rows."""
         query = "SELECT DISTINCT key, place FROM rows WHERE role = 'query'"
-        return [(row["key"], row["place"]) for row in self._db.execute(query)]
+        return (tuple(row) for row in self._db.execute(query))
+
+    def inputs(self) -> int:
+        """Number of inputs that have rows."""
+        query = "SELECT COUNT(DISTINCT key) AS n FROM rows WHERE role = 'query'"
+        return int(self._db.execute(query).fetchone()["n"])
+
+    def take(self, others: Sequence[Results]) -> None:
+        """Have exactly the rows of other runs, with all that belongs to them, in one transaction."""
+        with _transaction(self._db):
+            for table in ("rows", "content", "published"):
+                self._db.execute(f"DELETE FROM {table}")
+            for other in others:
+                for table, names in _COLUMNS.items():
+                    records = other._db.execute(f"SELECT * FROM {table} ORDER BY rowid")
+                    self._db.executemany(
+                        f"INSERT OR REPLACE INTO {table} ({', '.join(f'`{name}`' for name in names)}) "
+                        f"VALUES ({', '.join('?' * len(names))})",
+                        (
+                            tuple(known[name] for name in names)
+                            for record in records
+                            for known in [_ADDED | dict(record)]
+                        ),
+                    )
+            self._db.execute("DELETE FROM meta WHERE key = 'part'")
 
     def forget(self, keys: Sequence[bytes], *, role: str = "query") -> None:
         """Delete the rows of inputs."""
@@ -356,7 +389,7 @@ def run_folder(folder: Path) -> Iterator[None]:
 def _has_begun(folder: Path) -> bool:
     try:
         with open_results(folder) as found:
-            return found.get("configuration") is not None
+            return bool(found.configuration)
     except sqlite3.Error:
         return True
     except RunFolderError as error:

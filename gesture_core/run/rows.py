@@ -9,7 +9,7 @@ from typing import Any
 from gesture_core.errors import Code
 from gesture_core.records import Event, Prediction, Row
 from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input
-from gesture_core.run.workers.keypoints import Extracted
+from gesture_core.run.store import Extracted
 
 _READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
 _NOBODY = (

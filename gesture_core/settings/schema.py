@@ -81,10 +81,13 @@ class VideoSettings(_Section):
         Frames per second of streams without times; None takes the rate that their codec says, or 25.
     retime : None or float
         Frames per second of every video, instead of the times in the file, for files whose times are wrong.
+    pictures : bool
+        Take each picture (JPEG, PNG) for an input of one frame, a posture; otherwise pictures are no inputs.
     """
 
     fps: float | None = None
     retime: float | None = None
+    pictures: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,9 +96,12 @@ class SignalSettings(_Section):
 
     Attributes
     ----------
+    input : "keypoints" or "channels"
+        What inputs and examples are: people, in videos and keypoint files; or the channels of sensors and
+        other series, which have no joints, so that ``repair`` and ``normalizer`` do nothing.
     repair : bool
         Take out joints that jump and come back, and exchange left and right where the frames before and
-        after say that they are confused.
+        after say that they are confused; of keypoints in two dimensions.
     max_gap : float
         Seconds of a missing joint that are interpolated; a joint with a longer gap inside keeps
         its nearest values only if it was seen in ``min_seen`` of the frames.
@@ -114,6 +120,7 @@ class SignalSettings(_Section):
         that can only be matched by examples that are still too.
     """
 
+    input: Literal["keypoints", "channels"] = "keypoints"
     repair: bool = False
     max_gap: float = 0.5
     min_seen: float = 0.5
@@ -175,6 +182,11 @@ class ClassifySettings(_Section):
         distance; at 1 a large movement is no farther from everything than a small one.
     rest : float
         With `relative`: size that every frame has even where nothing moves.
+    balance : bool
+        Divide what each group of channels costs by its variance over the examples, so that none counts more
+        for its unit.
+    weights : tuple of str
+        What groups of channels count for, as ``acc=2`` or ``*.velocity=0.5``; 1 where none is given.
     """
 
     kernel: str = "auto"
@@ -193,6 +205,8 @@ class ClassifySettings(_Section):
     separate: bool = False
     relative: float | None = None
     rest: float = 0.0
+    balance: bool = False
+    weights: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -349,7 +363,8 @@ class Settings:
         of ``[options."gaussian:wide"]``. The kernel is missing as long as it is ``auto``, or none is used.
         """
         chosen = self.signals
-        steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
+        body = [("normalizer", chosen.normalizer)] if chosen.input == "keypoints" else []
+        steps = [*body, ("selector", chosen.selector)]
         for name in dict.fromkeys([*chosen.filters, *self.spot.chain]):
             steps.append(("filter", name))
         kernel = self.classify.kernel

@@ -1,36 +1,38 @@
-"""From keypoints to signals: gaps, normalizer, selector, filters, in this order."""
+"""From keypoints, or channels, to signals: gaps, normalizer, selector, filters, in this order."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gesture_core.errors import GestureError, PluginError, PoseError, SignalError
+from gesture_core.errors import GestureError, InputError, PluginError, PoseError, SignalError
 from gesture_core.plugin.registry import calling, name_of, registry
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
 from gesture_core.signals.repair import repaired
 from gesture_core.skeletons import COCO18
-from gesture_core.types import PoseSequence, Signals
+from gesture_core.types import PoseSequence, Recording, Signals
 
 if TYPE_CHECKING:
     from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
     from gesture_core.settings import Settings
 
 CHANNELS = tuple(f"{name}_{axis}" for name in COCO18.joints for axis in "xy")
+CHANNELS_3D = tuple(f"{name}_{axis}" for name in COCO18.joints for axis in "xyz")
 
 
 @dataclass(frozen=True)
 class Chain:
-    """The steps from a `PoseSequence` to `Signals`.
+    """The steps from a `PoseSequence`, or a `Recording`, to `Signals`.
 
     The selector sees the normalised, unfiltered signals (Schneider et al. 2019, section III);
     its mask then travels through the filters, which may drop or add channels.
 
     Attributes
     ----------
-    normalizer : Normalizer
+    normalizer : Normalizer or None
+        None where inputs are recordings of channels, which have no body.
     filters : tuple of Filter
     selector : Selector
     gaps : GapRule
@@ -39,15 +41,23 @@ class Chain:
         be compared with them (the paper's union of both selections), but a person who stands
         still is then given the label of some gesture.
     repair : bool
-        Mend single wrong frames first, see `gesture_core.signals.repair`.
+        Mend single wrong frames first, see `gesture_core.signals.repair`; in two dimensions.
+    fps : float
+        Samples per second of arrays without times.
     """
 
-    normalizer: Normalizer
+    normalizer: Normalizer | None
     filters: tuple[Filter, ...]
     selector: Selector
     gaps: GapRule = field(default_factory=GapRule)
     allow_still: bool = False
     repair: bool = True
+    fps: float = 30.0
+
+    @property
+    def of_channels(self) -> bool:
+        """Whether inputs are recordings of channels instead of people."""
+        return self.normalizer is None
 
     @classmethod
     def from_settings(cls, settings: Settings) -> Chain:
@@ -63,15 +73,22 @@ class Chain:
         """
         chosen = settings.signals
         rule = GapRule(chosen.max_gap, chosen.min_seen, chosen.min_frames, settings.classify.min_pose)
-        steps = [("normalizer", chosen.normalizer), ("selector", chosen.selector)]
-        normalizer, selector, *filters = [
-            registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
-            for kind, name in [*steps, *(("filter", name) for name in chosen.filters)]
-        ]
-        return cls(normalizer, tuple(filters), selector, rule, chosen.still == "posture", chosen.repair)
 
-    def __call__(self, pose: PoseSequence) -> Signals:
-        """The signals of one person.
+        def make(kind: str, name: str) -> Any:
+            return registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
+
+        return cls(
+            make("normalizer", chosen.normalizer) if chosen.input == "keypoints" else None,
+            tuple(make("filter", name) for name in chosen.filters),
+            make("selector", chosen.selector),
+            rule,
+            chosen.still == "posture",
+            chosen.repair,
+            settings.keypoints.rate,
+        )
+
+    def __call__(self, pose: PoseSequence | Recording) -> Signals:
+        """The signals of one person, or of one recording.
 
         Raises
         ------
@@ -109,9 +126,14 @@ class Chain:
         except GestureError as error:
             raise error.about(pose.source) from error.__cause__
 
-    def normalised(self, pose: PoseSequence) -> Signals:
+    def normalised(self, pose: PoseSequence | Recording) -> Signals:
         """The signals before selection and filters: every channel in body units, gaps filled."""
-        pose, frames = repaired(pose) if self.repair else (pose, 0)
+        if self.normalizer is None or isinstance(pose, Recording):
+            if self.normalizer is None and isinstance(pose, Recording):
+                return _dense(pose, self.gaps)
+            raise _other_kind(pose)
+        plane = pose.keypoints.shape[2] == 2
+        pose, frames = repaired(pose) if self.repair and plane else (pose, 0)
         share = frames / max(len(pose), 1)
         pose = require_pose(pose.as_coco18(), self.gaps)
         joints, _ = fill_gaps(pose.keypoints, pose.times, self.gaps)
@@ -119,7 +141,7 @@ class Chain:
         dense = replace(pose, keypoints=joints, scores=pose.scores)
         with calling(self.normalizer):
             points = self.normalizer.normalize(dense)
-        if np.shape(points) != (len(pose), len(COCO18.joints), 2):
+        if np.shape(points) != dense.keypoints.shape:
             raise _broke(self.normalizer, f"returned coordinates of shape {np.shape(points)}")
         # Frames that the normalizer does not trust are gaps like any other.
         points = np.where(np.isfinite(points).all(axis=2, keepdims=True), points, np.nan)
@@ -135,11 +157,48 @@ class Chain:
         return Signals(
             points.reshape(len(pose), -1),
             pose.times,
-            CHANNELS,
-            present=np.repeat(present, 2),
+            CHANNELS if points.shape[2] == 2 else CHANNELS_3D,
+            present=np.repeat(present, points.shape[2]),
             source=pose.source,
             repaired=share,
         )
+
+
+def _other_kind(item: PoseSequence | Recording) -> InputError:
+    """A person where channels are expected, or the other way round."""
+    if isinstance(item, Recording):
+        cause, wanted = "is a recording of channels, where people's keypoints are expected", "channels"
+    else:
+        cause, wanted = "holds a person's keypoints, where channels are expected", "keypoints"
+    remedy = f"--set signals.input={wanted}, or a preset for {wanted}"
+    return InputError(cause, subject=item.source, remedy=remedy, code="E_MIXED")
+
+
+def _dense(recording: Recording, rule: GapRule) -> Signals:
+    """The channels in the order of their names, from the first to the last sample, gaps filled."""
+    there = np.flatnonzero(recording.seen.any(axis=1))
+    if len(there) < max(rule.min_frames, 1):
+        raise PoseError(
+            f"holds {len(there)} samples with a value, at least {rule.min_frames} are needed",
+            subject=recording.source,
+            remedy="a longer recording, or a lower --set signals.min_frames=…",
+            code="E_POSE_SHORT",
+        )
+    whole = slice(there[0], there[-1] + 1)
+    order = np.argsort(recording.channels)
+    times = recording.times[whole]
+    values, present = fill_gaps(recording.values[whole][:, order, None].astype(np.float64), times, rule)
+    if not present.any():
+        raise PoseError(
+            f"no channel has a value in {rule.min_seen:.0%} of the samples",
+            subject=recording.source,
+            remedy="a lower --set signals.min_seen=…, or a recording with fewer gaps",
+            code="E_POSE_SPARSE",
+        )
+    names = tuple(recording.channels[i] for i in order)
+    return Signals(
+        np.where(present, values[..., 0], 0), times, names, present=present, source=recording.source
+    )
 
 
 def _broke(plugin: object, what: str) -> PluginError:

@@ -15,14 +15,16 @@ def mirror_sign(channel: str) -> int:
     """-1 for a channel whose sign a mirror reverses, otherwise 1.
 
     It reverses what points to the side (``right_wrist_x``, ``right_wrist_x.velocity``) and the sense
-    of a turn (``right_forearm.turning``); the energy and the spread of a motion have no direction.
-    The vector from one hand to the other also changes its ends, so that ``hands_y`` is reversed
-    instead of ``hands_x``.
+    of a turn (``right_forearm.turning``), in three dimensions but for one around the x axis; the energy and
+    the spread of a motion have no direction. The vector from one hand to the other also changes its ends, so
+    that ``hands_y`` and ``hands_z`` are reversed instead of ``hands_x``.
     """
     name, _, kind = channel.partition("@")[0].partition(".")
     if kind in ("energy", "spread"):
         return 1
-    return -1 if kind == "turning" or name.endswith("_y" if name.startswith("hands") else "_x") else 1
+    if kind == "turning":
+        return 1 if name.endswith("_x") else -1
+    return -1 if name.endswith(("_y", "_z") if name.startswith("hands") else "_x") else 1
 
 
 def mirrored(signals: Signals) -> Signals:

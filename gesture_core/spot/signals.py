@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gesture_core.errors import ConfigError
 from gesture_core.plugin.abilities import StreamStep
 from gesture_core.settings import Settings
 from gesture_core.signals.chain import Chain
@@ -18,6 +19,12 @@ def stream_chain(settings: Settings) -> Chain:
 
     What stands still has signals as well, as most of a long recording does.
     """
+    if settings.signals.input == "channels":
+        raise ConfigError(
+            "signals.input = channels: events are found in the movements of people alone",
+            remedy="gesture classify, with a file for each movement",
+            code="E_OPTION",
+        )
     chosen = replace(settings.signals, filters=settings.spot.chain or settings.signals.filters)
     chain = Chain.from_settings(replace(settings, signals=chosen))
     normalizer = chain.normalizer

@@ -7,6 +7,7 @@ one frame where the source has keypoints. Nothing is converted unless it is look
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -17,7 +18,6 @@ import numpy as np
 
 from gesture_core.errors import GestureError, InputError
 from gesture_core.files import printable
-from gesture_core.plugin.interfaces import VideoLimits
 from gesture_core.settings import Settings
 from gesture_core.skeletons import SKELETONS, skeleton
 from gesture_core.types import PoseSequence
@@ -96,11 +96,13 @@ class Camera:
 
     @property
     def name(self) -> str:
-        """``camera 0``, or the address without what may be a password."""
+        """``camera 0``, or the address without what may be secret: a password, a token behind a ``?``."""
         if isinstance(self.address, int):
             return f"camera {self.address}"
         scheme, _, rest = self.address.partition("://")
-        return printable(f"{scheme}://{rest.rpartition('@')[2]}")
+        shown, *query = re.split("[?#;]", rest, maxsplit=1)
+        secret = "@" in "".join(query) and "@" not in shown  # a password with such a mark in it, perhaps
+        return printable(f"{scheme}://{'…' if secret else shown.rpartition('@')[2]}")
 
     def frames(self, say: Callable[[str], None]) -> Iterator[Frame]:
         """Frames with their seconds since the source was first opened."""
@@ -157,11 +159,10 @@ class Recording:
 
     def frames(self, say: Callable[[str], None]) -> Iterator[Frame]:
         """Frames at the file's own seconds; what is damaged is said at the end."""
-        from gesture_core.video import open_video, pictures
+        from gesture_core.video import open_configured, pictures
 
         chosen = self.settings
-        limits = VideoLimits(chosen.limits.pixels, chosen.limits.frames)
-        opened = open_video(self.path, chosen.pose.reader, limits, chosen.options, chosen.video)
+        opened = open_configured(self.path, chosen)
         with opened as video:
             frames: Iterator[Frame] = pictures(video)
             yield from paced(frames) if self.paced else frames

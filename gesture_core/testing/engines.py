@@ -17,8 +17,7 @@ from dataclasses import replace
 from gesture_core.errors import GestureError
 from gesture_core.plugin.abilities import Closeable
 from gesture_core.plugin.interfaces import ExecutionEngine
-from gesture_core.records import Job, Outcome, Task
-from gesture_core.run.workers.functions import encoded
+from gesture_core.records import Job, Outcome, Task, encoded
 from gesture_core.settings import load_settings
 
 _FORMATS = {"csv": ".csv", "jsonl": ".jsonl", "parquet": ".parquet"}

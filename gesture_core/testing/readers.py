@@ -26,7 +26,7 @@ from gesture_core.errors import GestureError
 from gesture_core.plugin.interfaces import KeypointReader
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.testing.answers import ask, ask_or_refuse, title
-from gesture_core.types import PoseSequence
+from gesture_core.types import PoseSequence, Recording
 
 _CUTS = (0.0, 0.1, 0.5, 0.9, 0.99)
 _DAMAGES = 40
@@ -67,14 +67,14 @@ def check_reader_members(reader: KeypointReader, sample: Path) -> None:
 
 
 def check_reader_sequences(reader: KeypointReader, sample: Path) -> None:
-    """One `PoseSequence` a person, which says what it was read from; the same bits each time."""
+    """A `PoseSequence` for each person, or a `Recording`, with its source; the same bits each time."""
     name = type(reader).__name__
     before = _bytes(sample)
     for member in ask(reader.members, sample):
         sequences = ask(reader.read, sample, member)
-        assert isinstance(sequences, list) and all(isinstance(one, PoseSequence) for one in sequences), (
-            f"{name}.read returns {type(sequences).__name__}, expected a list of PoseSequence"
-        )
+        assert isinstance(sequences, list) and all(
+            isinstance(one, PoseSequence | Recording) for one in sequences
+        ), f"{name}.read returns {type(sequences).__name__}, expected a list of PoseSequence or Recording"
         assert sequences, f"{name}.read finds nobody in {member or sample.name}"
         for one in sequences:
             assert one.frames_with_pose, f"{name}.read gives a sequence of nobody"
@@ -161,7 +161,9 @@ def _bytes(path: Path) -> list[bytes]:
     return [file.read_bytes() for file in files if file.is_file()]
 
 
-def _arrays(sequence: PoseSequence) -> tuple[bytes, bytes, bytes]:
+def _arrays(sequence: PoseSequence | Recording) -> tuple[bytes, bytes, bytes]:
+    if isinstance(sequence, Recording):
+        return sequence.values.tobytes(), repr(sequence.channels).encode(), sequence.times.tobytes()
     return sequence.keypoints.tobytes(), sequence.scores.tobytes(), sequence.times.tobytes()
 
 

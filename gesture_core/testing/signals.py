@@ -10,7 +10,7 @@ import numpy as np
 from gesture_core.demo.figure import joints, random_body
 from gesture_core.demo.motions import GESTURES, Style
 from gesture_core.errors import SignalError
-from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
+from gesture_core.plugin.interfaces import Filter, NeedsDepth, Normalizer, Selector
 from gesture_core.signals.chain import CHANNELS
 from gesture_core.signals.mirror import mirrored
 from gesture_core.skeletons import COCO18
@@ -84,7 +84,8 @@ def check_normalizer_mirror(normalizer: Normalizer) -> None:
     """The origin is on the body's middle line, so that a mirrored person has mirrored coordinates."""
     pose, order = draw_pose(1, "swipe"), list(COCO18.mirror)
     turned = _pose((pose.keypoints * (-1, 1) + (_SIZE[0], 0))[:, order])
-    wanted = _coordinates(normalizer, pose)[:, order] * (-1, 1)
+    wanted = _coordinates(normalizer, pose)[:, order]
+    wanted = wanted * (-1, 1, 1)[: wanted.shape[2]]
     assert _near(_coordinates(normalizer, turned), wanted), (
         f"{type(normalizer).__name__}.normalize of a mirrored person is not the mirrored answer; its origin "
         "must be on the body's middle line, and left and right must be treated alike"
@@ -93,7 +94,8 @@ def check_normalizer_mirror(normalizer: Normalizer) -> None:
 
 def check_normalizer_memory(normalizer: Normalizer) -> None:
     """The same person gives the same bits, whatever came in between; what is passed in stays as it is."""
-    check_memory(normalizer.normalize, draw_pose(), draw_pose(2, "flap", 25))
+    one, other = (_lifted(normalizer, pose) for pose in (draw_pose(), draw_pose(2, "flap", 25)))
+    check_memory(normalizer.normalize, one, other)
 
 
 def check_normalizer_short(normalizer: Normalizer) -> None:
@@ -106,20 +108,32 @@ def check_normalizer_short(normalizer: Normalizer) -> None:
         ("all joints in one place", np.full_like(points, 100.0)),
     ):
         with np.errstate(all="ignore"):
-            found = ask_or_refuse(what, normalizer.normalize, _pose(odd))
+            odd_pose = _lifted(normalizer, _pose(odd))
+            found = ask_or_refuse(what, normalizer.normalize, odd_pose)
         if found is not None:
-            assert np.shape(found) == odd.shape, f"{name}.normalize of {what}: shape {np.shape(found)}"
+            assert np.shape(found) == odd_pose.keypoints.shape, (
+                f"{name}.normalize of {what}: shape {np.shape(found)}"
+            )
             assert not np.isinf(found).any(), f"{name}.normalize of {what} is infinite; NaN or a PoseError"
 
 
 def _coordinates(normalizer: Normalizer, pose: PoseSequence) -> np.ndarray:
     """What ``normalizer`` makes of ``pose``, of the right shape."""
-    name, wanted = type(normalizer).__name__, (len(pose), len(COCO18.joints), 2)
+    pose = _lifted(normalizer, pose)
+    name, wanted = type(normalizer).__name__, (len(pose), len(COCO18.joints), pose.keypoints.shape[2])
     points = np.asarray(ask(normalizer.normalize, pose))
     assert points.shape == wanted, (
-        f"{name}.normalize returns the shape {points.shape}, expected (T, 18, 2): {wanted}"
+        f"{name}.normalize returns the shape {points.shape}, expected (T, 18, {wanted[2]}): {wanted}"
     )
     return points
+
+
+def _lifted(normalizer: Normalizer, pose: PoseSequence) -> PoseSequence:
+    """``pose``, with a depth of zero for a normalizer that needs one."""
+    if not isinstance(normalizer, NeedsDepth):
+        return pose
+    flat = np.zeros((*pose.keypoints.shape[:2], 1), np.float32)
+    return replace(pose, keypoints=np.concatenate([pose.keypoints, flat], axis=2))
 
 
 def _near(one: np.ndarray, other: np.ndarray) -> bool:

@@ -15,7 +15,7 @@ the names below.
 from gesture_core.video.containers import CONTAINERS, UNTIMED
 from gesture_core.video.decoder import LazyPicture, VideoDecoder
 from gesture_core.video.integrity import DamageLog, Integrity
-from gesture_core.video.reader import at_rate, open_video, pictures, reader_name
+from gesture_core.video.reader import at_rate, open_configured, open_video, pictures, reader_name
 
 __all__ = [
     "CONTAINERS",
@@ -25,6 +25,7 @@ __all__ = [
     "LazyPicture",
     "VideoDecoder",
     "at_rate",
+    "open_configured",
     "open_video",
     "pictures",
     "reader_name",

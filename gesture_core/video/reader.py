@@ -16,11 +16,13 @@ from gesture_core.errors import MediaError, MissingDependencyError
 from gesture_core.plugin.abilities import LazyFrames
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import VideoInfo, VideoLimits, VideoReport
+from gesture_core.video.picture import SUFFIXES, Still
 
 if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import Video, VideoReader
+    from gesture_core.settings import Settings
     from gesture_core.settings.schema import VideoSettings
 
 Options = Mapping[str, Mapping[str, Any]]
@@ -51,7 +53,7 @@ def open_video(
     options : mapping of mappings, optional
         Options of plugins by their name, as in `Settings.options`.
     rates : VideoSettings, optional
-        [video]: the frames a second of streams without times, or of every video.
+        [video]: the frames a second of streams without times, or of every video; whether a picture is one.
 
     Raises
     ------
@@ -64,12 +66,20 @@ def open_video(
     MissingDependencyError
         Where what the reader needs is not installed.
     """
+    if rates is not None and rates.pictures and Path(path).suffix.lower() in SUFFIXES:
+        return Still(Path(path), limits or VideoLimits())
     name, chosen = _choose(reader, options or {})
     with calling(registry().find("video", name), passing=(OSError,)):
         video = chosen.open(Path(path), limits or VideoLimits())
     if rates is None or (rates.fps is None and rates.retime is None):
         return video
     return _Paced(video, rates.fps, rates.retime)
+
+
+def open_configured(path: Path, settings: Settings) -> Video:
+    """`open_video` by the reader, its options, the limits and the rates of ``settings``."""
+    limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
+    return open_video(path, settings.pose.reader, limits, settings.options, settings.video)
 
 
 class _Paced:

@@ -13,7 +13,10 @@ from gesture_core import GestureClassifier
 from gesture_core.classify import comparison
 from gesture_core.classify.evaluation import Compared, Labelled, answer
 from gesture_core.classify.learning import landmarks, learn, learn_weights
+from gesture_core.records import Job, encoded
+from gesture_core.run.store import write_keypoints
 from gesture_core.run.workers.decision import Decider
+from gesture_core.run.workers.worker import Worker
 from gesture_core.settings import ClassifySettings, Settings, load_settings
 from gesture_core.types import Signals
 
@@ -122,14 +125,19 @@ def test_a_run_opens_its_landmarks_again(tmp_path: Path) -> None:
     names = [f"{label}/{i}.mp4" for i, label in enumerate(labels)]
     changes = ["classify.landmarks=6", "classify.confidence=0.1", "classify.kernel=numpy"]
     settings = load_settings("modern", changes, environment={})
-    fitted, opened = Decider(settings), Decider(settings)
-    for name, label, one in zip(names, labels, poses, strict=True):
-        fitted.add(name, label, [one])
-    fitted.fit(tmp_path, "fingerprint", lambda: None)
-    assert not opened.open(tmp_path, "other", names)
-    assert not opened.open(tmp_path, "fingerprint", names[:-1])
-    assert opened.open(tmp_path, "fingerprint", names)
-    found = opened.predict(poses)
-    assert found == fitted.predict(poses)
-    assert [one.label for one in found] == labels
-    assert len({name for one in found for name, _, _ in one.neighbors}) == 6
+    job = Job(settings.as_dict(), str(tmp_path))
+    fitted, opened = (Decider(Worker(job, lambda message: None)) for _ in range(2))
+    stored = [f"{number}.parquet" for number in range(len(poses))]
+    for name, label, one, file in zip(names, labels, poses, stored, strict=True):
+        write_keypoints(tmp_path / file, [one], {})
+        fitted.add_example(name, label, file)
+    run = encoded(tmp_path)
+    fitted.fit(run, "fingerprint")
+    assert not opened.open_fitted(run, "other", names)
+    assert not opened.open_fitted(run, "fingerprint", names[:-1])
+    assert opened.open_fitted(run, "fingerprint", names)
+    inputs = [{"name": name, "stored": file, "people": 1} for name, file in zip(names, stored, strict=True)]
+    found = [one for (one,) in opened.decide(inputs)]
+    assert found == [one for (one,) in fitted.decide(inputs)]
+    assert [one["label"] for one in found] == labels
+    assert len({name for one in found for name, _, _ in one["neighbors"]}) == 6

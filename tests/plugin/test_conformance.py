@@ -127,6 +127,7 @@ def samples(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> dic
         values = np.column_stack([joints, np.ones(len(joints))]).reshape(-1).tolist()
         people.append({"image_id": f"{number}.jpg", "keypoints": values, "score": 1.0})
     (folder / "list.json").write_text(json.dumps(people))
+    np.savetxt(folder / "acc.csv", POINTS[:, :3, 0], "%.2f", ",", header="acc_x,acc_y,acc_z", comments="")
     pytest.importorskip("h5py"), pytest.importorskip("pose_format")
     flat = np.concatenate([POINTS, np.zeros_like(POINTS[..., :1])], axis=2)
     return {
@@ -135,6 +136,7 @@ def samples(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> dic
         "hdf5": write_sleap(folder / "analysis.h5"),
         "pose-format": write_pose(folder / "clip.pose"),
         "result-list": folder / "list.json",
+        "series": folder / "acc.csv",
         "trc": write_trc(folder / "clip.trc", flat, "px"),
         "arrays": folder / "two.npz",
         "csv": folder / "bare.csv",

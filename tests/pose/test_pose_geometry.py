@@ -139,7 +139,7 @@ def test_the_body_is_measured_by_the_torso_and_without_hips_by_the_shoulders() -
     assert window.bottom >= 100 + BELOW * 100 - 1 and window.top == 0
 
 
-@pytest.mark.parametrize("name", SKELETONS)
+@pytest.mark.parametrize("name", [name for name, one in SKELETONS.items() if one.group("body")])
 def test_every_skeleton_has_an_anatomy(name: str) -> None:
     layout = SKELETONS[name]
     points = np.zeros((len(layout.joints), 2), np.float32)

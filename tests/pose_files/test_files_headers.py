@@ -48,6 +48,8 @@ SPELLINGS: dict[str, Callable[[str], str]] = {
 @pytest.mark.parametrize("body", SKELETONS.values(), ids=lambda body: body.name)
 def test_every_joint_is_known_in_every_spelling(spelling: str, body: Skeleton) -> None:
     for joint in body.joints:
+        if joint.startswith("face_") or "_pose_" in joint:
+            continue  # a number, or one of two of a name
         if spelling in ("lshoulder", "shoulderLeft", "shoulder_l", "LShoulder") and (
             joint.count("_") > 1 or not joint.startswith(("left_", "right_"))
         ):

@@ -194,3 +194,33 @@ def test_tables_in_hdf5_keep_the_contract(
 ) -> None:
     pytest.importorskip("h5py")
     check(Hdf5Reader(), write_table(tmp_path / "clip.h5", [""]))
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+def test_a_third_coordinate_is_kept_where_it_is_wanted(order: tuple[int, ...], tmp_path: Path) -> None:
+    """Whatever axis of the file is up, y points down, x to who looks's right, and z away."""
+    from gesture_core.run.store import read_keypoints, write_keypoints
+
+    depth = np.linspace(0, 40, POINTS[..., 0].size).reshape(POINTS.shape[:2])
+    solid = np.stack([POINTS[..., 0], -POINTS[..., 1], depth], axis=2)[..., order]
+    path = write_trc(tmp_path / "clip.trc", solid, "mm")
+    (flat,) = TrcReader().read(path)
+    (deep,) = TrcReader(ReadOptions(depth=True)).read(path)
+    assert flat.keypoints.shape[2] == 2 and deep.keypoints.shape[2] == 3
+    np.testing.assert_array_equal(flat.keypoints, deep.flat.keypoints)
+    write_keypoints(tmp_path / "stored.parquet", [deep], {})
+    (again,) = read_keypoints(tmp_path / "stored.parquet").sequences
+    np.testing.assert_array_equal(again.keypoints, deep.keypoints)
+
+
+def test_arrays_with_and_without_a_third_coordinate(tmp_path: Path) -> None:
+    from gesture_core.plugin.registry import registry
+
+    values = np.random.default_rng(0).uniform(0.2, 0.8, (5, 33, 4)).astype(np.float32)
+    np.save(tmp_path / "marks.npy", values)
+    np.save(tmp_path / "flat.npy", values[..., :2])
+    reader = registry().make("reader", "arrays", options=ReadOptions(depth=True, frame_size=(640, 480)))
+    (pose,) = reader.read(tmp_path / "marks.npy")
+    np.testing.assert_allclose(pose.keypoints, values[..., :3] * [640, 480, 640], rtol=1e-5)
+    with pytest.raises(KeypointError, match="no third coordinate"):
+        reader.read(tmp_path / "flat.npy")

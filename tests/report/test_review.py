@@ -26,12 +26,11 @@ from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import InputError
 from gesture_core.report.review_server import ReviewServer
 from gesture_core.report.run_page import write_report
-from gesture_core.run.answers import NONE, Answered, Answers, write_answers
 from gesture_core.run.archive import classify_archive, load_poses
-from gesture_core.run.corrections import add_corrections, choose
-from gesture_core.run.manifests import read_labels, read_manifest
 from gesture_core.run.results import FITTED, open_results
+from gesture_core.run.review import NONE, Answered, Answers, add_corrections, choose, write_answers
 from gesture_core.run.store import write_keypoints
+from gesture_core.run.tables import read_labels, read_manifest
 
 __all__ = ["classified"]
 FACTS: dict[str, Any] = {

@@ -47,7 +47,8 @@ def classified(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> 
         shutil.copytree(drawn.video_keypoints / stem, inputs / name)
         truth.append(f"inputs/{name},{label}")
     (inputs / "broken.mp4").write_bytes(b"no video at all")
-    truth.append("inputs/broken.mp4,wave")
+    (inputs / "old.csv").write_text("path,label\ngone.mp4,wave\n", "utf-8")  # lists what is not there
+    truth += ["inputs/broken.mp4,wave", "inputs/old.csv,wave"]
     (place / "truth.csv").write_text("\n".join(truth) + "\n", "utf-8")
     classify_archive(inputs, drawn.example_keypoints, place / "run")
     return place / "run", place / "truth.csv"

@@ -18,9 +18,11 @@ import numpy as np
 
 from gesture_core.errors import GestureError
 from gesture_core.plugin import registry
+from gesture_core.records import encoded
 from gesture_core.run.inputs import discover
 from gesture_core.run.labels import label_inputs
-from gesture_core.run.store import write_keypoints
+from gesture_core.run.store import Extracted, write_keypoints
+from gesture_core.run.workers.keypoints import KeypointExtractor
 from gesture_core.run.workers.worker import Worker
 from gesture_core.settings import Settings, load_settings
 from gesture_core.types import Job, PoseSequence, Task
@@ -80,7 +82,9 @@ def check_library(folder: Path, name: str, data: bytes) -> str:
     path.write_bytes(data)
     settings = load_settings("paper", environment={})
     keys = {f"reader {r}": r for r in registry().names("reader")}
-    worker = Worker(Job(settings.as_dict(), str(folder / "store"), keys), lambda message: None)
+    extractor = KeypointExtractor(
+        Worker(Job(settings.as_dict(), str(folder / "store"), keys), lambda message: None)
+    )
     try:
         if name == "labels.csv":
             discover([path])
@@ -90,7 +94,7 @@ def check_library(folder: Path, name: str, data: bytes) -> str:
         codes = [item.code for item in items if item.kind == "broken"]
         assert all(item.fault and item.name for item in items if item.kind != "keypoints")
         for item in (i for i in items if i.kind == "keypoints"):
-            outcome = worker.extractor(item.path, item.member, item.reader)
+            outcome = Extracted.from_tree(extractor.extract(encoded(item.path), item.member, item.reader))
             assert outcome.code != "E_PLUGIN_RAISED", outcome.message
             assert bool(outcome.stored) != bool(outcome.code) and bool(outcome.message) == bool(outcome.code)
             codes.append(outcome.code)

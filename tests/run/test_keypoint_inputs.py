@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gesture_core.records import encoded
 from gesture_core.run.fingerprint import pose_identity, pose_keys
 from gesture_core.run.inputs import discover
-from gesture_core.run.store import read_keypoints, write_keypoints
-from gesture_core.run.workers.keypoints import Extracted, KeypointExtractor
+from gesture_core.run.store import Extracted, read_keypoints, write_keypoints
+from gesture_core.run.workers.keypoints import KeypointExtractor
+from gesture_core.run.workers.worker import Worker
 from gesture_core.settings import load_settings
 from gesture_core.skeletons import COCO18
 from gesture_core.testing import draw_pose
@@ -51,7 +53,8 @@ def extract(path: Path, **changes: Any) -> tuple[Extracted, list[PoseSequence]]:
     (item,) = discover([path])
     store = path.parent / "store"
     job = Job(settings.as_dict(), str(store), pose_keys(pose_identity(settings, [item])))
-    outcome = KeypointExtractor(job, settings, lambda _: None)(path, item.member, item.reader)
+    extractor = KeypointExtractor(Worker(job, lambda _: None))
+    outcome = Extracted.from_tree(extractor.extract(encoded(path), item.member, item.reader))
     return outcome, read_keypoints(store / outcome.stored).sequences if outcome.stored else []
 
 

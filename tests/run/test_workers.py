@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gesture_core.errors import GestureError, KeypointError
-from gesture_core.run.workers.engines import Assistant
-from gesture_core.run.workers.processes import ProcessEngine
+from gesture_core.run.workers.engines import Assistant, ProcessEngine
 from gesture_core.settings import LimitSettings, load_settings
 from gesture_core.types import Job, Outcome, Task
 

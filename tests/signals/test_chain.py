@@ -11,12 +11,17 @@ from bodies import J, pose, standing, waving
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gesture_core import GestureClassifier
 from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError, SignalError
 from gesture_core.plugin import registry
 from gesture_core.settings import load_settings, presets
 from gesture_core.signals.chain import CHANNELS, Chain
 from gesture_core.signals.mirror import mirrored
+from gesture_core.skeletons import other_side
 from gesture_core.types import PoseSequence, Signals
+
+OF_PEOPLE = sorted(set(presets()) - {"sensors", "depth"})
+"""Presets whose inputs have joints in the plane."""
 
 
 def chain(preset: str = "paper", dotted: Mapping[str, object] | None = None, **values: object) -> Chain:
@@ -47,7 +52,7 @@ def test_a_single_wild_frame_is_not_motion() -> None:
         chain()(pose(points))
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", OF_PEOPLE)
 @given(shift=st.tuples(st.floats(-500, 500), st.floats(-500, 500)), factor=st.floats(0.2, 5))
 @settings(max_examples=15, deadline=None)
 def test_place_and_size_in_the_picture_do_not_matter(
@@ -58,7 +63,7 @@ def test_place_and_size_in_the_picture_do_not_matter(
     np.testing.assert_allclose(moved.values, whole(pose(waving())).values, atol=2e-3)
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", OF_PEOPLE)
 def test_the_other_hand_is_the_mirror_of_the_signals(preset: str) -> None:
     points = waving("right_wrist", 2) + 0.4 * (waving("right_elbow", 1, axis=0) - standing())
     flipped = (points - 300)[:, list(_mirror_order())] * (-1, 1) + 300
@@ -77,7 +82,7 @@ def _mirror_order() -> tuple[int, ...]:
     return COCO18.mirror
 
 
-@pytest.mark.parametrize("preset", presets())
+@pytest.mark.parametrize("preset", OF_PEOPLE)
 def test_a_missing_joint_has_no_channel_and_no_influence(preset: str) -> None:
     points = waving()
     points[:, J["left_wrist"]] = np.nan
@@ -154,7 +159,7 @@ def test_no_frames_at_all() -> None:
         chain()(PoseSequence(np.empty((0, 18, 2)), np.empty((0, 18)), np.empty(0)))
 
 
-@given(st.integers(0, 12), st.floats(0, 1), st.sampled_from(presets()), st.integers(0, 2**32 - 1))
+@given(st.integers(0, 12), st.floats(0, 1), st.sampled_from(OF_PEOPLE), st.integers(0, 2**32 - 1))
 @settings(max_examples=60, deadline=None)
 def test_any_keypoints_give_finite_signals_or_a_typed_error(
     frames: int, missing: float, preset: str, seed: int
@@ -225,3 +230,52 @@ def test_every_filter_keeps_signals_valid(name: str) -> None:
     assert len(found.times) == len(found.values)
     assert found.mask is not None and found.present is not None
     assert found.mask.shape == found.present.shape == (len(found.channels),)
+
+
+def turned(points: np.ndarray, degrees: float) -> np.ndarray:
+    """(T, 18, 3) of a body in the plane, around the axis that points down."""
+    angle = np.radians(degrees)
+    across, depth = points[..., 0] - 300, 0.3 * (points[..., 1] - 300)
+    sides = [np.cos(angle), np.sin(angle)] @ np.stack([across, depth], axis=-2)
+    other = [-np.sin(angle), np.cos(angle)] @ np.stack([across, depth], axis=-2)
+    return np.stack([sides, points[..., 1], other], axis=-1)
+
+
+@pytest.mark.parametrize("degrees", [0, 40, 120, 180])
+def test_in_three_dimensions_a_turn_of_the_body_does_not_matter(degrees: float) -> None:
+    whole = chain("depth")
+    one, other = whole(pose(turned(waving(), 0))), whole(pose(turned(waving(), degrees)))
+    assert "right_wrist_z.velocity" in one.channels and "right_forearm_x.turning" in one.channels
+    np.testing.assert_allclose(one.values, other.values, atol=2e-3)
+
+
+def test_in_three_dimensions_a_mirror_is_the_other_hand() -> None:
+    whole, points = chain("depth"), turned(waving("right_wrist", axis=0), 0)
+    sides = [J[other_side(name)] for name in J]
+    other = whole(pose(points[:, sides] * [-1, 1, 1]))
+    found = mirrored(whole(pose(points)))
+    np.testing.assert_allclose(found.values, other.values, atol=2e-3)
+
+
+def test_what_needs_a_depth_says_so() -> None:
+    with pytest.raises(PoseError, match="has no depth"):
+        chain("depth")(pose(waving()))
+
+
+def posture(arm: float, seed: int) -> PoseSequence:
+    """A body whose right arm is held at an angle, in one frame."""
+    points = standing(1)
+    shoulder = points[0, J["right_shoulder"]]
+    way = np.array([-np.sin(np.radians(arm)), np.cos(np.radians(arm))])
+    points[0, J["right_elbow"]], points[0, J["right_wrist"]] = shoulder + 60 * way, shoulder + 115 * way
+    points += np.random.default_rng(seed).normal(0, 2, points.shape)
+    return PoseSequence(points, np.ones(points.shape[:2]), np.zeros(1), source=f"{arm} {seed}")
+
+
+def test_postures_of_one_frame_are_told_apart() -> None:
+    angles = {"down": 5.0, "side": 90.0, "up": 170.0}
+    X = [posture(angle, n) for angle in angles.values() for n in range(2)]
+    y = [name for name in angles for _ in range(2)]
+    fitted = GestureClassifier("pose").fit(X, y)
+    found = fitted.predict([posture(angle, 7) for angle in angles.values()])
+    assert found.tolist() == list(angles)

@@ -24,8 +24,7 @@ from gesture_core import Spotter, load_poses, load_settings, spot_archive, watch
 from gesture_core.cli.main import run as gesture
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, GestureError, InputError
-from gesture_core.run.watch import source_of
-from gesture_core.run.webhook import Webhook
+from gesture_core.run.watch import Webhook, source_of
 from gesture_core.spot.capture import Capture, Captured, Note
 from gesture_core.spot.sources import Camera, Frame, Keypoints, piped
 from gesture_core.spot.watch import Seen, Watch
@@ -277,6 +276,9 @@ def test_sources_that_are_none_are_refused(tmp_path: Path, drawn: DemoArchive) -
     (tmp_path / "note.txt").write_text("nothing", "utf-8")
     assert source_of("0", SETTINGS).name == "camera 0"
     assert source_of("rtsp://me:secret@host/1", SETTINGS).name == "rtsp://host/1"
+    assert source_of("rtsp://host/1?token=secret", SETTINGS).name == "rtsp://host/1"
+    assert source_of("http://me:secret@host/1;secret?a=secret#secret", SETTINGS).name == "http://host/1"
+    assert "cret" not in source_of("rtsp://me:se?cret@host/1", SETTINGS).name
     for source in (tmp_path / "none.mp4", tmp_path / "note.txt", drawn.videos):
         with pytest.raises(GestureError):
             source_of(source, SETTINGS)

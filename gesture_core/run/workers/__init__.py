@@ -1,8 +1,8 @@
 """Everything that may crash, hang or exceed its memory: named functions, called in worker processes.
 
-A run is calls of the functions in `functions`: try a model, ask a reader, extract keypoints, take an
-example, fit, decide, write rows. Both engines of the package call the same table: `processes` hands tasks
-to worker processes (`worker` is what runs in one), and ``inline`` (`engines`) calls them in this process.
+A run is calls of the functions in `worker.FUNCTIONS`: try a model, ask a reader, extract keypoints, take an
+example, fit, decide, write rows. Both engines of the package (`engines`) call the same table: ``processes``
+hands tasks to worker processes (`worker` is what runs in one), ``inline`` calls them in this process.
 An input whose task ends its process is tried once more, alone in a new process; then it gets a row that
 says so.
 

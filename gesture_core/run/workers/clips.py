@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from gesture_core.errors import GestureError, InputError, MediaError
 from gesture_core.files import content_sha256
-from gesture_core.records import VideoLimits
-from gesture_core.settings import Settings
+from gesture_core.records import decoded
 
 if TYPE_CHECKING:
     from av import AudioFrame
 
+    from gesture_core.run.workers.worker import Worker
     from gesture_core.video.writer import VideoWriter
 
 SAME = 0.0005
@@ -84,28 +84,20 @@ class _Clip:
 
 
 def cut(
-    path: Path,
-    sha256: str,
-    clips: Sequence[Mapping[str, Any]],
-    settings: Settings,
-    *,
-    sound: bool = False,
-    report: Callable[[int], None] = lambda frames: None,
+    worker: Worker, path: str, sha256: str, clips: Sequence[Mapping[str, Any]], sound: bool
 ) -> list[dict[str, Any]]:
     """Write parts of a video as clips.
 
     Parameters
     ----------
-    path : Path
+    worker : Worker
+    path : str
+        Encoded, as those of the clips.
     sha256 : str
         Of the content that the clips' times are about.
     clips : sequence of mapping
         ``path``, ``start``, ``end`` in seconds, ``box`` in pixels or empty for the whole picture.
-    settings : Settings
-        Which reader, its options, the limits.
     sound : bool
-    report : callable
-        Takes the number of further frames that are done.
 
     Returns
     -------
@@ -117,25 +109,25 @@ def cut(
     GestureError
         Where the video cannot be opened, or is not what it was.
     """
-    from gesture_core.video import open_video, pictures
+    from gesture_core.video import open_configured, pictures
 
-    if content_sha256(path, lambda: report(0)) != sha256:
+    video_path = decoded(path)
+    if content_sha256(video_path, worker.alive) != sha256:
         raise InputError("has changed since the run", remedy="the run again", code="E_CHANGED")
     made = [
-        _Clip(number, Path(one["path"]), one["start"], one["end"], one["box"])
+        _Clip(number, decoded(one["path"]), one["start"], one["end"], one["box"])
         for number, one in enumerate(clips)
     ]
     waiting = sorted(made, key=lambda one: -one.start)
     running: list[_Clip] = []
-    limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-    heard = Sound(path) if sound else None
+    heard = Sound(video_path) if sound else None
     try:
-        with open_video(path, settings.pose.reader, limits, settings.options, settings.video) as video:
+        with open_configured(video_path, worker.settings) as video:
             unsaid = 0
             for time, convert in pictures(video):
                 unsaid += 1
                 if unsaid == _SIGN:
-                    report(unsaid)
+                    worker.report({"frames": unsaid})
                     unsaid = 0
                 while waiting and waiting[-1].start - SAME <= time:
                     running.append(waiting.pop())

@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import asdict, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from gesture_core.errors import GestureError, InputError, KeypointError, RunFolderError
+from gesture_core.errors import GestureError, InputError, KeypointError, PluginError, RunFolderError
 from gesture_core.files import content_sha256, stamp, switched_on, tree_sha256
+from gesture_core.plugin.abilities import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
-from gesture_core.records import Job, VideoLimits
-from gesture_core.run.store import mark_used, read_keypoints, storing, write_keypoints
-from gesture_core.settings import Settings
-from gesture_core.types import PoseSequence
+from gesture_core.records import decoded
+from gesture_core.run.addresses import drop, fetch, look, sha256_of
+from gesture_core.run.store import Extracted, Stored, mark_used, read_keypoints, storing, write_keypoints
+from gesture_core.types import PoseSequence, Recording
 
 if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import KeypointReader, PoseBackend, Video
+    from gesture_core.run.workers.worker import Worker
     from gesture_core.video.reader import Picture
 
+Answer = bool | tuple[str, str]
+"""Whether a reader takes a file; or the code and the cause of its failure to say so."""
 _REPORT_SECONDS = 0.5
 _LONG = 1000
 """Frames up to which a video that was interrupted is begun again."""
@@ -36,127 +40,93 @@ _OTHERS = (
 )
 
 
-class Seen(NamedTuple):
-    """A person in an input: number, frames with a pose, seconds of the first and last of them, and where."""
-
-    person: int
-    frames: int
-    start: float
-    end: float
-    box: tuple[float, ...]
-
-    @classmethod
-    def of(cls, sequence: PoseSequence) -> Seen:
-        """The facts of a sequence with a pose."""
-        times = sequence.times[sequence.seen.any(axis=1)]
-        frames, first, last = len(times), float(times[0]), float(times[-1])
-        return cls(int(sequence.person), frames, first, last, sequence.box)
-
-
-@dataclass(frozen=True)
-class Extracted:
-    """What came of the extraction of one input: keypoints in the store, or an error.
-
-    Attributes
-    ----------
-    sha256 : str
-        Of the content; empty where it could not be read.
-    stamp : str
-        Of the file as it was read, from `files.stamp`.
-    stored : str
-        File name in the keypoint store; empty after an error.
-    cached : bool
-        The keypoints were already there.
-    people : tuple of Seen
-    frames_declared : int or None
-        What the container claims.
-    frames_read : int
-        All of them, decoded.
-    frames_looked_at : int
-        Those of them in which people were looked for.
-    complete : bool
-        No frame is known to be lost.
-    notes : tuple of str
-        What was wrong with the input, or is worth knowing of it.
-    assumed : str
-        What the input does not say and its reader assumed, where anything was.
-    seconds : float
-        Length of what was read.
-    plugin : str
-        Distribution and version of the backend or reader.
-    code, message : str
-        Of the error; empty after success.
-    attempts : int
-    """
-
-    sha256: str = ""
-    stamp: str = ""
-    stored: str = ""
-    cached: bool = False
-    people: tuple[Seen, ...] = ()
-    frames_declared: int | None = None
-    frames_read: int = 0
-    frames_looked_at: int = 0
-    complete: bool = True
-    notes: tuple[str, ...] = ()
-    assumed: str = ""
-    seconds: float = 0.0
-    plugin: str = ""
-    code: str = ""
-    message: str = ""
-    attempts: int = 1
-
-    @classmethod
-    def from_tree(cls, tree: Mapping[str, Any]) -> Extracted:
-        """The inverse of `asdict`, after JSON."""
-        people = tuple(Seen._make([*facts, tuple(box)]) for *facts, box in tree["people"])
-        return cls(**{**tree, "notes": tuple(tree["notes"]), "people": people})
-
-    def failed(self, error: GestureError, **changes: Any) -> Extracted:
-        """The same input without keypoints: ``error`` is why, without a subject, which the row names."""
-        message = error.message.removeprefix(f"{error.subject}: ") if error.subject else error.message
-        return replace(self, stored="", code=error.code, message=message, **changes)
-
-
 class KeypointExtractor:
-    """Extracts keypoints; opens the pose network once, when the first video comes.
+    """Keypoints of inputs, as functions of the table; the first video opens the pose network."""
 
-    Parameters
-    ----------
-    job : Job
-    settings : Settings
-    report : callable
-        Takes ``{"frames": n}`` for further frames that are done, and ``{"slow": True}`` before the pose
-        network is loaded, which may take as long as a start.
-    """
-
-    def __init__(self, job: Job, settings: Settings, report: Callable[[dict[str, Any]], None]) -> None:
-        self._job = job
-        self._settings = settings
-        self._report = report
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+        self._job = worker.job
+        self._settings = worker.settings
         self._hashed: tuple[Path, str, str] = (Path(), "", "")
         self._readers: dict[str, KeypointReader] = {}
 
-    def __call__(self, path: Path, member: str, reader: str) -> Extracted:
-        """What came of an input; ``reader`` names its keypoint reader, and is empty for a video.
+    def try_model(self) -> None:
+        """Run the pose network on a known picture; a GestureError says what is wrong with its answer."""
+        from gesture_core.pose.extract import try_backend
 
-        An error of the input becomes its code and message, as the hash that was found is worth keeping.
+        try_backend(self.backend, self._settings.pose.people)
+
+    def lasts(self, path: str) -> float | None:
+        """Seconds of a video by what its container says, None where it does not."""
+        from gesture_core.video import open_configured
+
+        with open_configured(decoded(path), self._settings) as video:
+            info = video.info
+        return info.frames_declared / info.fps if info.frames_declared and info.fps else None
+
+    def accepts(self, reader: str, paths: Sequence[str]) -> list[Answer]:
+        """For each path whether the reader takes it, or what went wrong."""
+        answers: list[Answer] = []
+        entry = registry().find("reader", reader)
+        for path in paths:
+            try:
+                with calling(entry, passing=(OSError,)):
+                    answers.append(bool(self.reader(reader).accepts(decoded(path))))
+            except GestureError as error:
+                answers.append((error.code, error.cause))
+            except OSError as error:
+                answers.append(("E_READ", f"{entry} cannot read it: {error.strerror or error}"))
+            self._worker.alive()
+        return answers
+
+    def refusal(self, reader: str, path: str) -> str:
+        """Why a reader does not take a file; empty where it does not say."""
+        with calling(registry().find("reader", reader), passing=(OSError,)):
+            opened = self.reader(reader)
+            return str(opened.refusal(decoded(path))) if isinstance(opened, ExplainsRefusal) else ""
+
+    def members(self, reader: str, path: str) -> list[str]:
+        """Names of the sequences in a file or folder, one at least."""
+        entry = registry().find("reader", reader)
+        with calling(entry):
+            found = list(self.reader(reader).members(decoded(path)))
+        if not found or not all(isinstance(member, str) for member in found):
+            cause = f"{entry} says that its members are {str(found)[:80]}"
+            raise PluginError(cause, code="E_PLUGIN_CONTRACT")
+        return found
+
+    def extract(self, path: str, member: str, reader: str, address: str = "") -> dict[str, Any]:
+        """Keypoints of one input into the store: the fields of `Extracted`.
+
+        ``reader`` names its keypoint reader, and is empty for a video. With an ``address`` it is fetched,
+        unless its keypoints are there, and deleted afterwards. An error of the input becomes its code
+        and message, as the hash that was found is worth keeping.
 
         Raises
         ------
         RunFolderError
             ``E_STORE_WRITE``, after which no other input can succeed either.
         """
+        return asdict(self._extracted(decoded(path), member, reader, address))
+
+    def _extracted(self, path: Path, member: str, reader: str, address: str) -> Extracted:
         found = Extracted(complete=False)
         try:
-            found = replace(found, stamp=stamp(path))
+            entry = look(address) if address else None
+            found = replace(found, stamp=entry.stamp if entry else stamp(path))
+            key = tree_sha256([self._job.keys[f"reader {reader}" if reader else "video"], member])
+            if entry and (sha256 := sha256_of(entry)):  # nothing need be fetched
+                known = replace(found, sha256=sha256)
+                if stored := self._from_store(_stored_name(sha256, key), known):
+                    return stored
+            if entry:
+                fetch(entry, path, self._worker.alive)
             if self._hashed[:2] != (path, found.stamp):  # once for all sequences in one file
-                sha256 = content_sha256(path, lambda: self._report({"frames": 0}))
+                sha256 = content_sha256(path, self._worker.alive)
                 self._hashed = (path, found.stamp, sha256)
             found = replace(found, sha256=self._hashed[2])
-            key = tree_sha256([self._job.keys[f"reader {reader}" if reader else "video"], member])
-            name = f"{found.sha256[:2]}/{found.sha256[:32]}-{key[:16]}.parquet"
-            return self._from_store(name, found) or self._extract(path, member, reader, name, found)
+            name = _stored_name(found.sha256, key)
+            return self._from_store(name, found) or self._fresh(path, member, reader, name, found, address)
         except OSError as error:
             cause = f"cannot be read: {error.strerror or error}"
             return found.failed(InputError(cause, remedy="check its permissions", code="E_READ"))
@@ -164,6 +134,9 @@ class KeypointExtractor:
             if isinstance(error, RunFolderError) or error.code == "E_WORKER_MEMORY":
                 raise  # the first is everybody's, the second is tried again
             return found.failed(error)
+        finally:
+            if address and not member:  # of a file of several, the others' turn comes
+                drop(path)
 
     def _from_store(self, name: str, found: Extracted) -> Extracted | None:
         path = Path(self._job.store) / name
@@ -174,29 +147,30 @@ class KeypointExtractor:
         except KeypointError:  # damaged on disk: extract again, which replaces the file
             return None
         mark_used(path)
-        return _with_facts(replace(found, stored=name, cached=True), stored.sequences, stored.facts)
+        return found.holding(stored, name, cached=True)
 
-    def _extract(self, path: Path, member: str, reader: str, name: str, found: Extracted) -> Extracted:
+    def _fresh(
+        self, path: Path, member: str, reader: str, name: str, found: Extracted, address: str
+    ) -> Extracted:
         if reader:
             sequences, facts = self._from_reader(path, member, reader)
         else:
             sequences, facts = self._from_video(path, Path(self._job.store) / name)
         sequences = [sequence for sequence in sequences if sequence.frames_with_pose]
-        if stamp(path) != found.stamp:
+        if not address and stamp(path) != found.stamp:
             raise InputError("was written while it was read", remedy="--retry-errors", code="E_CHANGED")
         with storing(self._job.store):
             write_keypoints(Path(self._job.store) / name, sequences, facts)
-        return _with_facts(replace(found, stored=name), sequences, facts)
+        return found.holding(Stored(sequences, facts), name)
 
     def _from_video(self, path: Path, stored: Path) -> tuple[list[PoseSequence], dict[str, Any]]:
         backend, settings = self.backend, self._settings
-        self._report({"frames": 0})
+        self._worker.alive()
         from gesture_core.pose.extract import extract_poses
-        from gesture_core.video import open_video
+        from gesture_core.video import open_configured
 
-        limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-        with open_video(path, settings.pose.reader, limits, settings.options, settings.video) as video:
-            frames = _Looked(video, settings.pose.rate, self._report)
+        with open_configured(path, settings) as video:
+            frames = _Looked(video, settings.pose.rate, self._worker.report)
             entry = registry().find("pose", settings.pose.backend)
             with _journal(backend, video, stored) as asked, calling(entry, passing=(OSError,)):
                 sequences = extract_poses(
@@ -219,30 +193,36 @@ class KeypointExtractor:
             "assumed": str(report.assumed),
         }
 
-    def _from_reader(self, path: Path, member: str, name: str) -> tuple[list[PoseSequence], dict[str, Any]]:
+    def _from_reader(self, path: Path, member: str, name: str) -> tuple[list[Any], dict[str, Any]]:
         from gesture_core.pose.plausible import check_plausible
 
         pose, known = self._settings.pose, {}
-        sequences: list[PoseSequence]
+        sequences: list[Any]  # PoseSequence, or one Recording
         odd: list[str] = []
         if name == "store":
             stored = read_keypoints(path)
             sequences, known = stored.sequences, dict(stored.facts)
         else:
             reader = self.reader(name)
-            with calling(registry().find("reader", name), passing=(OSError,)):
-                sequences = [_checked(sequence) for sequence in reader.read(path, member)]
+            entry = registry().find("reader", name)
+            with calling(entry, passing=(OSError,)):
+                sequences = [_checked(one, channels=entry.channels) for one in reader.read(path, member)]
+        if sequences and isinstance(sequences[0], Recording):
+            return sequences[:1], known | self._facts_of(sequences)
         if pose.score is not None:
             sequences = [_above(sequence, pose.score) for sequence in sequences]
         if name != "store":
             stated = self._settings.keypoints.axes is not None
-            odd = [note for one in sequences for note in check_plausible(one, axes_stated=stated)]
+            odd = [note for one in sequences for note in check_plausible(one.flat, axes_stated=stated)]
         if pose.people == "single" and len(sequences) > 1:
             best = max(sequences, key=lambda s: (float(s.scores.sum()), -s.person))
             sequences = [replace(best, person=0)]
         if len({sequence.person for sequence in sequences}) < len(sequences):
             # Rows and files tell people apart by their numbers.
             sequences = [replace(sequence, person=n) for n, sequence in enumerate(sequences)]
+        return sequences, self._facts_of(sequences, odd) | known
+
+    def _facts_of(self, sequences: list[Any], odd: Sequence[str] = ()) -> dict[str, Any]:
         frames = max((len(sequence) for sequence in sequences), default=0)
         if frames > self._settings.limits.frames:
             raise KeypointError(
@@ -253,7 +233,7 @@ class KeypointExtractor:
         seconds = max((float(s.times[-1] - s.times[0]) for s in sequences if len(s)), default=0.0)
         lost = sorted({s.provenance["lost"] for s in sequences if "lost" in s.provenance})
         unread = max((int(s.provenance.get("lost_frames", 0)) for s in sequences), default=0)
-        facts: dict[str, Any] = {
+        return {
             "frames_declared": None,
             "frames_read": frames - unread,
             "frames_looked_at": frames - unread,
@@ -262,7 +242,6 @@ class KeypointExtractor:
             "seconds": seconds,
             "assumed": str(sequences[0].provenance.get("assumed", "")) if sequences else "",
         }
-        return sequences, facts | known
 
     def reader(self, name: str) -> KeypointReader:
         """A keypoint reader with what the settings say of its files, constructed once."""
@@ -277,7 +256,7 @@ class KeypointExtractor:
     @cached_property
     def backend(self) -> PoseBackend:
         """The pose backend of the settings, its network loaded, and what decoding needs, too."""
-        self._report({"slow": True})
+        self._worker.slow()
         from gesture_core.pose.extract import open_backend
         from gesture_core.video import reader_name
 
@@ -297,13 +276,19 @@ def _journal(backend: PoseBackend, video: Video, stored: Path) -> AbstractContex
     return remembering(backend, stored)
 
 
-def _checked(sequence: object) -> PoseSequence:
-    if not isinstance(sequence, PoseSequence):
-        raise TypeError(f"{type(sequence).__name__} instead of a PoseSequence")
+def _stored_name(sha256: str, key: str) -> str:
+    """Where the keypoint store has the keypoints of a content, by the settings that ``key`` is a hash of."""
+    return f"{sha256[:2]}/{sha256[:32]}-{key[:16]}.parquet"
+
+
+def _checked(sequence: object, *, channels: bool) -> PoseSequence | Recording:
+    wanted = Recording if channels else PoseSequence
+    if not isinstance(sequence, wanted):
+        raise TypeError(f"{type(sequence).__name__} instead of a {wanted.__name__}")
     return sequence
 
 
-def _notes(sequence: PoseSequence) -> list[str]:
+def _notes(sequence: PoseSequence | Recording) -> list[str]:
     """The clauses of what its reader noted."""
     return [note for note in sequence.provenance.get("notes", "").split("; ") if note]
 
@@ -314,17 +299,6 @@ def _above(sequence: PoseSequence, score: float) -> PoseSequence:
 
     unsure = sequence.scores < score
     return replace(sequence, keypoints=np.where(unsure[..., None], np.nan, sequence.keypoints))
-
-
-def _with_facts(found: Extracted, sequences: list[PoseSequence], facts: Mapping[str, Any]) -> Extracted:
-    names = ("frames_declared", "frames_read", "frames_looked_at", "complete", "seconds")
-    return replace(
-        found,
-        people=tuple(map(Seen.of, sequences)),
-        notes=tuple(facts["notes"]),
-        assumed=facts.get("assumed", ""),
-        **{name: facts[name] for name in names},
-    )
 
 
 class _Looked:

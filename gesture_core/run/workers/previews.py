@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gesture_core.pose.overlay import draw_pose
+from gesture_core.records import decoded
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
 from gesture_core.video.writer import write_video
 
 if TYPE_CHECKING:
+    from gesture_core.run.workers.worker import Worker
     from gesture_core.settings import Settings
 
 SIDE = 240
@@ -52,37 +54,30 @@ class Cut:
     end: float
 
 
-def draw_cuts(
-    cuts: Sequence[Cut],
-    people: Sequence[PoseSequence],
-    frames: Iterator[tuple[float, np.ndarray]] | None,
-    alive: Callable[[], None] = lambda: None,
+def draw_previews(
+    worker: Worker, path: str, video: bool, stored: str, cuts: Sequence[tuple[str, int | None, float, float]]
 ) -> None:
-    """Write all of ``cuts``, in one pass over the input.
+    """Write previews of one input, in one pass over it.
 
-    Parameters
-    ----------
-    cuts : sequence of Cut
-    people : sequence of PoseSequence
-        Everybody in the input.
-    frames : iterator of (seconds, frame) or None
-        Of a video; None for keypoints alone, which are drawn on a plain ground.
-    alive : callable
-        Called as frames are drawn.
+    Of each cut ``cuts`` have its file, the person, start and end in seconds. Keypoints alone are drawn on a
+    plain ground.
     """
-    drawn = {cut.path: _Drawn(cut, people) for cut in cuts}
-    if frames is None:
-        for cut in cuts:
-            drawn[cut.path].on_plain_ground()
-            drawn.pop(cut.path).write()
-            alive()
+    worker.slow()
+    people = worker.people(stored, "") if stored else ()
+    wanted = [Cut(decoded(file), person, start, end) for file, person, start, end in cuts]
+    drawn = {cut.path: _Drawn(cut, people) for cut in wanted}
+    if not video:
+        for one in drawn.values():
+            one.on_plain_ground()
+            one.write()
+            worker.alive()
         return
-    for time, frame in frames:
-        for path, one in list(drawn.items()):
+    for time, frame in _shown(decoded(path), worker.settings):
+        for file, one in list(drawn.items()):
             one.add(time, frame)
             if time > one.cut.end + _NEAR:
-                drawn.pop(path).write()
-        alive()
+                drawn.pop(file).write()
+        worker.alive()
         if not drawn:
             break
     for one in drawn.values():
@@ -94,7 +89,8 @@ class _Drawn:
 
     def __init__(self, cut: Cut, people: Sequence[PoseSequence]) -> None:
         self.cut = cut
-        self._pose = next((one for one in people if one.person == cut.person), None)
+        bodies = [one for one in people if isinstance(one, PoseSequence)]  # channels cannot be drawn
+        self._pose = next((one.flat for one in bodies if one.person == cut.person), None)
         self._frames: list[tuple[float, np.ndarray]] = []
         self._square: tuple[float, float, float] | None = None
         self._near = _NEAR
@@ -188,11 +184,9 @@ def _cropped(frame: np.ndarray, left: float, top: float, side: float) -> np.ndar
     return picture
 
 
-def open_cuts(path: Path, settings: Settings) -> Iterator[tuple[float, np.ndarray]]:
+def _shown(path: Path, settings: Settings) -> Iterator[tuple[float, np.ndarray]]:
     """The frames of a video that previews show, as the extraction saw them."""
-    from gesture_core.records import VideoLimits
-    from gesture_core.video import at_rate, open_video, pictures
+    from gesture_core.video import at_rate, open_configured, pictures
 
-    limits = VideoLimits(settings.limits.pixels, settings.limits.frames)
-    with open_video(path, settings.pose.reader, limits, settings.options, settings.video) as video:
+    with open_configured(path, settings) as video:
         yield from at_rate(pictures(video), RATE)

@@ -1,13 +1,12 @@
 """A worker: performs tasks one after the other, by the functions of the table.
 
-``python -m gesture_core.run.workers.worker`` is a process of `processes.WorkerProcess`: it takes JSON lines
+``python -m gesture_core.run.workers.worker`` is a process of `engines.WorkerProcess`: it takes JSON lines
 on standard input and answers on standard output. Whatever native code or a plugin prints goes to standard
 error, so that it cannot reach the pipe to the parent.
 """
 
 from __future__ import annotations
 
-import importlib
 import json
 import logging
 import os
@@ -15,8 +14,10 @@ import queue
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, partial
+from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gesture_core import errors
@@ -25,11 +26,30 @@ from gesture_core.plugin.registry import watch
 from gesture_core.records import Job, Outcome, Task
 
 if TYPE_CHECKING:
-    from gesture_core.run.workers.decision import Decider
-    from gesture_core.run.workers.keypoints import KeypointExtractor
     from gesture_core.settings import Settings
-    from gesture_core.spot.find import Query
+    from gesture_core.types import PoseSequence
 
+FUNCTIONS: Mapping[str, str] = {
+    **dict.fromkeys(
+        ("try_model", "extract", "lasts", "accepts", "refusal", "members"),
+        "workers.keypoints:KeypointExtractor",
+    ),
+    **dict.fromkeys(
+        ("open_classifier", "add_example", "fit", "open_fitted", "decide", "spot", "keep_distances"),
+        "workers.decision:Decider",
+    ),
+    **dict.fromkeys(("open_query", "find"), "find:Searcher"),
+    "cut": "workers.clips",
+    "draw_previews": "workers.previews",
+    "suffix": "export",
+    "write_rows": "export",
+}
+"""Where each function that a task may name is, below `gesture_core.run`.
+
+That is a class of which a worker makes one and keeps it, or a module whose function takes the `Worker` first.
+All of them may run a third party's code. Arguments and values are plain, fit for JSON; paths travel as
+`records.encoded`.
+"""
 _RESERVED = 1024
 """MiB of addresses that libraries reserve and hardly use: allocators' arenas, stacks of threads."""
 
@@ -47,8 +67,7 @@ class Worker:
     def __init__(self, job: Job, report: Callable[[dict[str, Any]], None]) -> None:
         self.job = job
         self.report = report
-        self.query: Query | None = None
-        """What is looked for, from the function ``open_query`` on."""
+        self._kept: dict[str, Any] = {}
 
     @cached_property
     def settings(self) -> Settings:
@@ -57,31 +76,25 @@ class Worker:
 
         return settings_from_dict(self.job.settings)
 
-    @cached_property
-    def extractor(self) -> KeypointExtractor:
-        """Extracts keypoints; the pose network is opened when the first video comes."""
-        from gesture_core.run.workers.keypoints import KeypointExtractor
-
-        return KeypointExtractor(self.job, self.settings, self.report)
-
-    @cached_property
-    def decider(self) -> Decider:
-        """Has the examples and decides."""
-        from gesture_core.run.workers.decision import Decider
-
-        return Decider(self.settings, spot=self.job.spot)
-
     def alive(self) -> None:
         """A sign of progress."""
         self.report({"frames": 0})
 
+    def slow(self) -> None:
+        """A sign that what follows may take as long as a start."""
+        self.report({"slow": True})
+
+    def people(self, stored: str, name: str) -> Sequence[PoseSequence]:
+        """Everybody in an input, from the keypoint store."""
+        from gesture_core.run.store import read_keypoints
+
+        return read_keypoints(Path(self.job.store) / stored, name).sequences
+
     def perform(self, task: Task) -> Outcome:
         """Call the function that ``task`` names; whatever goes wrong becomes the outcome's error."""
-        from gesture_core.run.workers.functions import FUNCTIONS
-
         failed: GestureError
         try:
-            return Outcome(task.number, FUNCTIONS[task.function](self, **task.arguments))
+            return Outcome(task.number, self._function(task.function)(**task.arguments))
         except GestureError as error:
             failed = error
         except OSError as error:
@@ -94,6 +107,15 @@ class Worker:
             cause = f"worker function {task.function!r} raised {described(error)}"
             failed = PluginError(cause, remedy="report it", code="E_PLUGIN_RAISED")
         return Outcome(task.number, error=failed)
+
+    def _function(self, name: str) -> Callable[..., Any]:
+        module, _, owner = FUNCTIONS[name].partition(":")
+        found = import_module(f"gesture_core.run.{module}")
+        if not owner:
+            return partial(getattr(found, name), self)
+        if owner not in self._kept:
+            self._kept[owner] = getattr(found, owner)(self)
+        return getattr(self._kept[owner], name)  # type: ignore[no-any-return]
 
 
 def main() -> None:
@@ -117,9 +139,9 @@ def main() -> None:
     watch(lambda plugin: report({"plugin": plugin}))
     messages: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
     threading.Thread(target=_take_messages, args=(messages,), daemon=True).start()
-    importlib.import_module("gesture_core.run.workers.functions")  # a start may take its time
-    if worker.job.keys:
-        importlib.import_module("pyarrow.parquet")
+    if worker.job.keys:  # it is going to extract; a start may take its time
+        import_module("gesture_core.run.workers.keypoints")
+        import_module("pyarrow.parquet")
     report({"ready": True})
     forgotten: GestureError | None = None  # why this process does not know what the one before it knew
     for first in header["first"]:

@@ -65,3 +65,10 @@ def register_keypoint_readers(register: Register) -> None:
         summary="marker files of Sports2D and Pose2Sim (OpenSim's .trc)",
         suffixes=(".trc",),
     )
+    register(
+        "series",
+        "gesture_pose_files.series:SeriesReader",
+        summary="channels of sensors: CSV, Parquet, .npy, .npz; .ts, .arff and .tsv of UCR and UEA",
+        suffixes=(".csv", ".tsv", ".parquet", ".npy", ".npz", ".ts", ".arff"),
+        channels=True,
+    )

@@ -117,6 +117,7 @@ def sequence(
         raise KeypointError("holds an infinite value", subject=source, code="E_KEYPOINTS_VALUE")
     said = axes or options.axes or "xy"
     points = values[..., 1::-1] if said == "yx" else values[..., :2]
+    depth = _depth(values, scores, joints, options, source) if options.depth else None
     if scores is None:
         scores = _scores(values, joints, options)
         if scores is not None:  # -1, -1 with a score of -1
@@ -148,6 +149,7 @@ def sequence(
     size = frame_size or options.picture if unit == "shares" else None
     if size:
         points = points * np.array(size, np.float32)
+        depth = None if depth is None else depth * np.float32(size[0])  # as MediaPipe measures it
         provenance["scaled"] = f"shares of {size[0]} x {size[1]} pixels"
     if unit == "metres":
         provenance["unit"] = unit
@@ -162,6 +164,8 @@ def sequence(
         provenance["notes"] = "; ".join(notes)
     if scores is None:
         scores = np.ones(points.shape[:2], np.float32)
+    if depth is not None:
+        points = np.concatenate([points, depth[..., None]], axis=2)
     if joints.name not in SKELETONS:  # of the file's own choice; what lies beyond COCO-18 is not compared
         points, scores = to_coco18(points, scores, joints)
         joints = COCO18
@@ -212,6 +216,29 @@ def _three_axes(array: np.ndarray, options: ReadOptions, body: Skeleton | None, 
             code="E_KEYPOINTS_SHAPE",
         )
     return array if array.ndim == 3 else array.reshape(len(array), *flat_widths(options)[array.shape[1]])
+
+
+def _depth(
+    values: np.ndarray, scores: np.ndarray | None, body: Skeleton, options: ReadOptions, source: str
+) -> np.ndarray:
+    """(T, J) third coordinate: the third of four values, or of three of which none is a score.
+
+    Raises
+    ------
+    KeypointError
+        `E_KEYPOINTS_SHAPE` where there is none.
+    """
+    if values.shape[2] == 4 or (
+        values.shape[2] == 3 and (scores is not None or _scores(values, body, options) is None)
+    ):
+        return values[..., 2]
+    raise KeypointError(
+        "has no third coordinate that is kept",
+        subject=source,
+        remedy="arrays of x, y, z (--set keypoints.unit=metres) or of x, y, z, score; or "
+        "--set keypoints.depth=false with another preset",
+        code="E_KEYPOINTS_SHAPE",
+    )
 
 
 def _scores(values: np.ndarray, body: Skeleton, options: ReadOptions) -> np.ndarray | None:

@@ -58,7 +58,7 @@ class TrcReader(OneClipReader):
         named = joints_among(names, self.options, source)
         points = table[:, 2:].reshape(len(table), -1, 3)
         points = np.where((points == 0).all(axis=2, keepdims=True), np.nan, points)
-        flat, notes = _from_in_front(points, named, source)
+        flat, notes = _from_in_front(points, named, source, depth=self.options.depth)
         unit, times = facts["Units"].strip().lower(), table[:, 1]
         return people_of(
             named,
@@ -73,8 +73,13 @@ class TrcReader(OneClipReader):
         )
 
 
-def _from_in_front(points: np.ndarray, named: Named, source: str) -> tuple[np.ndarray, list[str]]:
-    """(T, J, 2), x to the right of who looks and y down, of (T, J, 3) in whatever axes; and what was done."""
+def _from_in_front(
+    points: np.ndarray, named: Named, source: str, *, depth: bool
+) -> tuple[np.ndarray, list[str]]:
+    """(T, J, 2), x to the right of who looks and y down, of (T, J, 3) in whatever axes; and what was done.
+
+    With ``depth`` (T, J, 3), z away from who looks, where there is one.
+    """
     if not np.isfinite(points[:, named.columns]).any():
         return points[..., :2], []
     up = _between(points, named, ("mid_hip", "left_hip", "right_hip"), ("neck", "left_shoulder"))
@@ -95,7 +100,10 @@ def _from_in_front(points: np.ndarray, named: Named, source: str) -> tuple[np.nd
     vertical = int(np.argmax(np.abs(up)))
     across[vertical] = 0
     across /= max(float(np.linalg.norm(across)), 1e-9)
-    flat = np.stack([points @ across, -np.sign(up[vertical]) * points[..., vertical]], axis=2)
+    sides = [points @ across, -np.sign(up[vertical]) * points[..., vertical]]
+    if depth:
+        sides.append(points @ np.cross(across, -np.sign(up[vertical]) * np.eye(3)[vertical]))
+    flat = np.stack(sides, axis=2)
     return flat, ["three dimensions, seen from in front"]
 
 

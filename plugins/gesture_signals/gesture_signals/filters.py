@@ -101,7 +101,7 @@ class Resample:
     Parameters
     ----------
     rate : float
-        Frames per second of the result.
+        Frames per second of the result; 0 for its own: the median of its steps, evenly.
     max_frames : int
         A longer sequence keeps its own frames; time stamps are not trusted to allocate memory.
     anchored : bool
@@ -114,7 +114,7 @@ class Resample:
     anchored: bool = False
 
     def __post_init__(self) -> None:
-        if not 0 < self.rate <= 1000:
+        if not 0 <= self.rate <= 1000:
             raise ValueError(f"rate {self.rate} is not in 0..1000 frames per second")
         if not self.max_frames >= 2:
             raise ValueError(f"max_frames {self.max_frames} is not 2 or more")
@@ -122,11 +122,12 @@ class Resample:
     def apply(self, signals: Signals) -> Signals:
         """The same signals at `rate`; unchanged where they have no duration."""
         first, last = float(signals.times[0]), float(signals.times[-1])
-        frames = round((last - first) * self.rate) + 1
+        rate = self.rate or _own_rate(signals.times)
+        frames = round((last - first) * rate) + 1
         if len(signals) < 2 or last <= first or frames > self.max_frames:
             return signals
         if self.anchored:
-            times = np.arange(np.ceil(first * self.rate), np.floor(last * self.rate) + 1) / self.rate
+            times = np.arange(np.ceil(first * rate), np.floor(last * rate) + 1) / rate
             if len(times) == 0:
                 return signals
         else:
@@ -137,6 +138,13 @@ class Resample:
     def on_stream(self) -> Resample:
         """The same at times that do not depend on where a part begins."""
         return replace(self, anchored=True)
+
+
+def _own_rate(times: np.ndarray) -> float:
+    """Frames per second by the median of the steps; 0 where time stands still."""
+    steps = np.diff(times)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    return 1 / step if step > 0 else 0.0
 
 
 def smooth(values: np.ndarray, sigma: float) -> np.ndarray:

@@ -20,11 +20,21 @@ def register_normalizers(register: Register) -> None:
         "gesture_signals.normalizers:UprightNormalizer",
         summary="torso, after turning the body upright: a camera's roll does not matter",
     )
+    register(
+        "view",
+        "gesture_signals.normalizers:ViewNormalizer",
+        summary="torso in its own three axes: a turn of the body does not matter",
+    )
 
 
 @hookimpl
 def register_filters(register: Register) -> None:
     register("center", "gesture_signals.filters:Center", summary="subtract each channel's mean")
+    register(
+        "channels",
+        "gesture_signals.channels:Channels",
+        summary="values, velocities and energies of the channels of sensors, scaled or not",
+    )
     register("gaussian", "gesture_signals.filters:Gaussian", summary="Gaussian smoothing over frames")
     register(
         "parts",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -126,7 +127,62 @@ class UprightNormalizer:
                 code="E_POSE_SCALE",
             )
         right, down = (-up[1] / length, up[0] / length), (-up[0] / length, -up[1] / length)
-        turned: np.ndarray = scaled @ np.array([right, down]).T
+        scaled[..., :2] = scaled[..., :2] @ np.array([right, down]).T
+        return scaled
+
+
+@dataclass(frozen=True)
+class ViewNormalizer:
+    """`TorsoNormalizer` in the torso's own axes, so that a turn of the body does not matter.
+
+    x points to the body's left, y down the back, z to the back. One frame of reference serves the whole
+    sequence: y from the summed vectors from neck to mid-hip, x from those across shoulders and hips, at a
+    right angle. What is lost is which way a person faces, and whether they stand or lie. Only for keypoints
+    in three dimensions.
+
+    Parameters
+    ----------
+    window, floor, shoulders
+        Those of `TorsoNormalizer`.
+    upright : bool
+        Turn around the vertical axis of the picture alone, so that a bow in all frames stays one.
+    """
+
+    window: float = 0.25
+    floor: float = 0.2
+    shoulders: float = 1.45
+    upright: bool = False
+    needs_depth: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        TorsoNormalizer(self.window, self.floor, self.shoulders)
+
+    def normalize(self, pose: PoseSequence) -> np.ndarray:
+        """(T, 18, 3) float64 in torso lengths; NaN where a joint or the neck is missing."""
+        if pose.keypoints.shape[2] != 3:
+            raise PoseError(
+                "has no depth, and a turn of the body cannot be undone without",
+                subject=pose.source,
+                remedy="files of keypoints in three dimensions with --set keypoints.depth=true (networks "
+                "give two), or --set signals.normalizer=torso",
+                code="E_POSE_SCALE",
+            )
+        scaled = TorsoNormalizer(self.window, self.floor, self.shoulders).normalize(pose)
+        down = np.array([0.0, 1.0, 0.0]) if self.upright else _sum(_mid_hip(pose) - _joint(pose, "neck"))
+        pairs = [("left_shoulder", "right_shoulder"), ("left_hip", "right_hip")]
+        left = np.sum([_sum(_joint(pose, one) - _joint(pose, other)) for one, other in pairs], axis=0)
+        down = down / max(float(np.linalg.norm(down)), 1e-12)
+        left = left - (left @ down) * down
+        length = float(np.linalg.norm(left))
+        if length == 0 or not down.any():
+            raise PoseError(
+                "neither shoulders nor hips show which way it faces",
+                subject=pose.source,
+                remedy="--set signals.normalizer=torso",
+                code="E_POSE_SCALE",
+            )
+        left = left / length
+        turned: np.ndarray = scaled @ np.array([left, down, np.cross(left, down)]).T
         return turned
 
 
@@ -150,18 +206,18 @@ def _median_over_time(values: np.ndarray, times: np.ndarray, window: float) -> n
 
 
 def _sum(vectors: np.ndarray) -> np.ndarray:
-    """(2,) sum of the (T, 2) ``vectors`` that are known."""
+    """(2 or 3,) sum of the (T, 2 or 3) ``vectors`` that are known."""
     total: np.ndarray = np.nansum(vectors, axis=0)
     return total
 
 
 def _joint(pose: PoseSequence, name: str) -> np.ndarray:
-    """(T, 2) float64 track of a COCO-18 joint, NaN where missing."""
+    """(T, 2 or 3) float64 track of a COCO-18 joint, NaN where missing."""
     return pose.keypoints[:, COCO18.index(name)].astype(np.float64)
 
 
 def _relative_to_neck(pose: PoseSequence) -> np.ndarray:
-    """(T, 18, 2) float64 coordinates with each frame's neck at the origin.
+    """(T, 18, 2 or 3) float64 coordinates with each frame's neck at the origin.
 
     Raises
     ------

@@ -78,9 +78,7 @@ class Parts:
     def apply(self, signals: Signals) -> Signals:
         """The channels of every part, each scaled by the root of its weight."""
         columns, names, masks, present = [], [], [], []
-        steps = np.diff(signals.times)
-        step = float(np.median(steps)) if len(steps) else 0.0
-        step = step if step > 0 else _STEP
+        step = time_step(signals)
         for text, weight in self.weights.items():
             if weight == 0:
                 continue
@@ -91,8 +89,8 @@ class Parts:
                 else:
                     values, mask, there = _vector(signals, part, side)
                     if kind:
-                        values = _KINDS[kind](values, step, self.window)
-                suffixes = ("_x", "_y") if values.shape[1] == 2 else ("",)
+                        values = KINDS[kind](values, step, self.window)
+                suffixes = [f"_{axis}" for axis in "xyz"[: values.shape[1]]] if values.shape[1] > 1 else [""]
                 if share:
                     values = values - share * values.mean(axis=0, dtype=np.float64)
                 columns.append(values * np.sqrt(weight))
@@ -117,12 +115,19 @@ class Parts:
         return replace(self, weights=weights)
 
 
+def time_step(signals: Signals) -> float:
+    """Seconds from frame to frame, as they mostly are."""
+    steps = np.diff(signals.times)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    return step if step > 0 else _STEP
+
+
 def _term(text: str) -> tuple[str, str, float]:
     match = _TERM.fullmatch(text)
     part, kind = (match["part"], match["kind"] or "") if match else ("", "")
-    if match is None or part not in (*_POINTS, *_LIMBS, *_PAIRS) or kind not in ("", *_KINDS, "bend"):
+    if match is None or part not in (*_POINTS, *_LIMBS, *_PAIRS) or kind not in ("", *KINDS, "bend"):
         known = ", ".join((*_POINTS, *_LIMBS, *_PAIRS))
-        kinds = ", ".join((*_KINDS, "bend"))
+        kinds = ", ".join((*KINDS, "bend"))
         raise ValueError(f"{text!r} is not part.kind@share with a part of {known} and a kind of {kinds}")
     if kind == "bend" and part not in _BENDS:
         raise ValueError(f"{text!r}: only {' and '.join(_BENDS)} bend")
@@ -133,14 +138,15 @@ def _term(text: str) -> tuple[str, str, float]:
 
 
 def _vector(signals: Signals, part: str, side: str) -> tuple[np.ndarray, bool, bool]:
-    """(T, 2) float64 vector of a part, whether it is salient, whether it is present."""
+    """(T, 2 or 3) float64 vector of a part, whether it is salient, whether it is present."""
     names: tuple[str, ...] = _LIMBS.get(part) or _PAIRS.get(part) or (part,)
     tracks, mask, present = [], False, True
+    axes = "xyz" if "neck_z" in signals.channels else "xy"
     assert signals.mask is not None and signals.present is not None
     for name in names:
         joint = f"{side}{name}"
         try:
-            places = [signals.channels.index(f"{joint}_x"), signals.channels.index(f"{joint}_y")]
+            places = [signals.channels.index(f"{joint}_{axis}") for axis in axes]
         except ValueError:
             raise SignalError(
                 f"filter 'parts' needs the channels {joint}_x and {joint}_y",
@@ -161,6 +167,11 @@ def _bend(signals: Signals, part: str, side: str) -> tuple[np.ndarray, bool, boo
     """
     (upper, mask, there), (lower, other, also) = (_vector(signals, limb, side) for limb in _BENDS[part])
     both = np.linalg.norm(upper, axis=1) * np.linalg.norm(lower, axis=1)
+    if upper.shape[1] == 3:
+        raise SignalError(
+            f"{part}.bend has a side in the plane alone", subject=signals.source,
+            remedy="--set keypoints.depth=false, or weights without bend", code="E_SIGNAL_CHANNELS",
+        )  # fmt: skip
     sine = upper[:, 0] * lower[:, 1] - upper[:, 1] * lower[:, 0]
     values = np.stack([sine, (upper * lower).sum(axis=1)], axis=1)
     angle = np.divide(values, both[:, None], out=np.zeros_like(values), where=both[:, None] > _NO_LENGTH)
@@ -196,11 +207,13 @@ def _spread(vector: np.ndarray, step: float, window: float) -> np.ndarray:
 def _turning(vector: np.ndarray, step: float, window: float) -> np.ndarray:
     speed = _velocity(vector, step, window)
     from_middle = vector - smooth(vector, 2 * window / step)
+    if vector.shape[1] == 3:  # around each axis
+        return 3.0 * smooth(np.cross(from_middle, speed), 0.75 * window / step)
     area = from_middle[:, 0] * speed[:, 1] - from_middle[:, 1] * speed[:, 0]
     return 3.0 * smooth(area[:, None], 0.75 * window / step)
 
 
-_KINDS: Mapping[str, Callable[[np.ndarray, float, float], np.ndarray]] = {
+KINDS: Mapping[str, Callable[[np.ndarray, float, float], np.ndarray]] = {
     "direction": _direction,
     "velocity": _velocity,
     "energy": _energy,

@@ -1,0 +1,320 @@
+"""Archives that are no folders: what fsspec lists and reads (``s3://``, ``https://``, ``zip::``, …).
+
+An object is fetched when its turn comes, and deleted when its keypoints are in the store. Credentials are
+found by the library itself; an address that holds some is refused, and what follows a ``?`` is never shown
+or kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from gesture_core.errors import GestureError, InputError, MissingDependencyError, described
+from gesture_core.files import cache_dir, content_sha256, printable, replacing
+
+_EXTRAS = {
+    "s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs", "az": "azure", "abfs": "azure", "abfss": "azure",
+    "http": "http", "https": "http", "hf": "hf",
+}  # fmt: skip
+"""What to install for a protocol; for others fsspec alone may do."""
+_VERSIONS = ("LastModified", "Last-Modified", "last_modified", "updated", "mtime", "created", "CRC")
+"""What may change with the content of an object, by the names that file systems give it."""
+_MD5 = re.compile(r"[0-9a-f]{32}")
+_ATTEMPTS = 3
+_LONGEST = 200
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One object, as its file system describes it.
+
+    Attributes
+    ----------
+    address : str
+    size : int or None
+    stamp : str
+        Changes when the object is replaced.
+    md5 : str
+        Of its content, where its ETag is one by its form; see `sha256_of`.
+    """
+
+    address: str
+    size: int | None
+    stamp: str
+    md5: str
+
+
+def is_address(source: object) -> bool:
+    """Whether a source is no path: ``s3://bucket/folder``, ``zip://*.mp4::s3://bucket/archive.zip``."""
+    return "://" in str(source)
+
+
+def shown(address: str) -> str:
+    """An address as it may be printed and kept: without a query, which may be a signature."""
+    if not is_address(address):
+        return printable(address)
+    return printable("::".join(part.partition("?")[0] for part in address.split("::")))
+
+
+def local_path(source: str) -> str:
+    """A source as a path: what a ``file://`` stands for; of an address the folder of what is fetched."""
+    if not is_address(source):
+        return source
+    if source.startswith("file://") and "::" not in source:
+        from urllib.request import url2pathname
+
+        return url2pathname(source.removeprefix("file://"))
+    root = hashlib.sha256(_root(shown(source)).rstrip("/").encode()).hexdigest()[:16]
+    return str(cache_dir() / "fetched" / root)
+
+
+def _root(address: str) -> str:
+    """What is in front of a pattern, else the address itself."""
+    path, *rest = address.split("::")
+    while "*" in path:
+        path = path.rpartition("/")[0]
+    return "::".join([path, *rest])
+
+
+def entries(source: str) -> Iterator[tuple[Path, Entry]]:
+    """Every object of a source, and where it lies once it is fetched; by folders, sorted by name.
+
+    Raises
+    ------
+    InputError
+        Where there is nothing, or the listing fails: half a listing is none.
+    MissingDependencyError
+        Where the package of the protocol is absent.
+    """
+    system, path = _open(source)
+    folder = Path(local_path(source))
+    with _blamed(source):
+        if "*" in path:
+            base, found = path.partition("*")[0].rpartition("/")[0], system.glob(path, detail=True)
+            yield from _files(system, source, base, folder, found)
+            return
+        about = system.info(path)
+        if about["type"] == "file" and not path.endswith("/"):
+            yield folder / _safe([path.rpartition("/")[2]]), _entry(system, source, about)
+            return
+        folders = [path]
+        while folders:  # fsspec's own walk passes over what fails below the first folder
+            here = folders.pop()
+            listed = [
+                one for one in system.ls(here, detail=True) if one["name"].strip("/") != here.strip("/")
+            ]
+            names = {str(one["name"]).rstrip("/"): one for one in listed}
+            seen = {name: one for name, one in names.items() if not name.rpartition("/")[2].startswith(".")}
+            folders += sorted((n for n, one in seen.items() if one["type"] == "directory"), reverse=True)
+            yield from _files(system, source, path, folder, seen)
+
+
+def roots(sources: Sequence[str]) -> tuple[bytes, ...]:
+    """What the places of objects begin with that are listed by ``sources``, as far as these are addresses."""
+    found = []
+    for source in filter(is_address, sources):
+        if not source.startswith("file://"):
+            system, path = _open(_root(source))
+            outer = source.split("::")[1:]
+            found.append(shown("::".join([str(system.unstrip_protocol(path)), *outer])))
+    return tuple(map(os.fsencode, found))
+
+
+def look(address: str) -> Entry:
+    """An object as it is now."""
+    system, path = _open(address)
+    with _blamed(address):
+        return _entry(system, address, system.info(path))
+
+
+def fetch(entry: Entry, path: Path, alive: Callable[[], None] = lambda: None) -> None:
+    """Bring an object to ``path``, if it is not there yet; what is cut off is read again.
+
+    Raises
+    ------
+    InputError
+        ``E_CHANGED`` where it was replaced meanwhile, ``E_READ`` where it cannot be read.
+    """
+    mark = path.with_name(f".{path.name}.stamp")
+    with suppress(OSError):
+        if path.is_file() and mark.read_text("utf-8") == entry.stamp:
+            return
+    system, place = _open(entry.address)
+    mark.unlink(missing_ok=True)
+    for attempt in range(1, _ATTEMPTS + 1):
+        try:
+            _read(system, place, entry, path, alive)
+        except InputError as error:
+            if attempt == _ATTEMPTS or error.code != "E_READ":
+                raise
+            time.sleep(attempt / 2)
+        else:
+            break
+    mark.write_text(entry.stamp, "utf-8")
+
+
+def _read(system: Any, place: str, entry: Entry, path: Path, alive: Callable[[], None]) -> None:
+    """Bring the whole of an object, as it was listed, to ``path``."""
+    with _blamed(entry.address), replacing(path) as temporary:
+        system.get_file(place, str(temporary), callback=_callback(alive))
+        size = temporary.stat().st_size
+        known = bool(entry.md5) and _md5(temporary) == entry.md5
+        if not known and look(entry.address).stamp != entry.stamp:
+            raise InputError(
+                "was replaced while it was read", subject=shown(entry.address),
+                remedy="--retry-errors", code="E_CHANGED",
+            )  # fmt: skip
+        if entry.size not in (None, size):
+            raise InputError(
+                f"{size} of {entry.size} bytes could be read", subject=shown(entry.address),
+                remedy="--retry-errors", code="E_READ",
+            )  # fmt: skip
+    if known:  # the ETag is the hash of the content: next time it is known by that
+        with replacing(_known(entry)) as temporary:
+            temporary.write_text(content_sha256(path), "utf-8")
+
+
+def sha256_of(entry: Entry) -> str:
+    """The SHA-256 of an object whose ETag was seen to be the hash of such content; else empty."""
+    with suppress(OSError):
+        return _known(entry).read_text("utf-8") if entry.md5 else ""
+    return ""
+
+
+def drop(path: Path) -> None:
+    """Delete what was fetched."""
+    for file in (path, path.with_name(f".{path.name}.stamp")):
+        with suppress(OSError):
+            file.unlink()
+
+
+def _known(entry: Entry) -> Path:
+    return cache_dir() / "etags" / entry.md5[:2] / f"{entry.md5}-{entry.size}"
+
+
+def _md5(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, partial(hashlib.md5, usedforsecurity=False)).hexdigest()
+
+
+def _open(address: str) -> tuple[Any, str]:
+    """The file system of an address, and the path in it."""
+    parts = address.split("::")
+    for part in parts:
+        server = part.partition("://")[2].partition("/")[0]
+        if "@" in server and not part.startswith(("abfs", "az")):
+            raise InputError(
+                "holds a name or password", subject=shown(address.replace(server, server.rpartition("@")[2])),
+                remedy="an address without it, and the configuration of the library (for S3: AWS_PROFILE)",
+                code="E_SOURCE",
+            )  # fmt: skip
+    protocol = parts[-1].partition("://")[0]
+    extra = _EXTRAS.get(protocol, "fsspec")
+    try:
+        from fsspec.core import url_to_fs
+
+        options = {part.partition("://")[0]: {"use_listings_cache": False} for part in parts}
+        system, path = url_to_fs(address, **(options if len(parts) > 1 else next(iter(options.values()))))
+    except (ImportError, ValueError) as error:
+        if isinstance(error, ValueError) and "rotocol not known" not in str(error):
+            raise _failed(address, error) from None
+        unknown = isinstance(error, ValueError)
+        raise MissingDependencyError(
+            f"nothing reads {protocol}://" if unknown else f"{protocol}:// needs a package that is absent",
+            subject=shown(address),
+            remedy="another address, or downloading it first"
+            if unknown
+            else f'pip install "gesture-core[{extra}]"',
+        ) from None
+    except Exception as error:  # noqa: BLE001 - a file system of a third party may raise anything
+        raise _failed(address, error) from None
+    return system, str(path)
+
+
+def _plain(value: object) -> str:
+    """A version as text: a listing and a look at one object give times in other forms."""
+    return str(value.timestamp() if isinstance(value, datetime) else value)
+
+
+@contextmanager
+def _blamed(address: str) -> Iterator[None]:
+    """What a file system raises, as an error about the address."""
+    try:
+        yield
+    except GestureError:
+        raise
+    except Exception as error:  # noqa: BLE001 - a file system of a third party may raise anything
+        raise _failed(address, error) from None
+
+
+def _failed(address: str, error: Exception) -> InputError:
+    """The error, without what must not be shown of an address."""
+    cause = described(error) if not isinstance(error, FileNotFoundError) else "no such object"
+    for part in address.split("::"):
+        query = part.partition("?")[2]
+        cause = cause.replace(query, "…") if query else cause
+    missing = isinstance(error, FileNotFoundError)
+    return InputError(
+        f"cannot be read: {printable(cause)[:300]}" if not missing else cause,
+        subject=shown(address),
+        remedy="check the address" if missing else "the same command again, or its permissions",
+        code="E_NOT_FOUND" if missing else "E_READ",
+    )
+
+
+def _files(
+    system: Any, source: str, base: str, folder: Path, found: Mapping[str, Mapping[str, Any]]
+) -> Iterator[tuple[Path, Entry]]:
+    """The objects among ``found``, sorted by name."""
+    for name, about in sorted(found.items()):
+        if about["type"] == "file":
+            inside = name.lstrip("/").removeprefix(base.strip("/")).strip("/").split("/")
+            yield folder / _safe(inside), _entry(system, source, about)
+
+
+def _safe(parts: list[str]) -> Path:
+    """A relative path that stays below its folder, whatever an object is called."""
+    safe = []
+    for part in parts:
+        if len(part.encode("utf-8", "surrogatepass")) > _LONGEST:
+            digest = hashlib.sha256(part.encode("utf-8", "surrogatepass")).hexdigest()[:16]
+            part = digest + Path(part).suffix[-20:]
+        safe.append("_" if part in ("", ".", "..") else part.replace("\0", "_"))
+    return Path(*safe)
+
+
+def _entry(system: Any, source: str, about: Mapping[str, Any]) -> Entry:
+    if not any(about.get(key) for key in ("ETag", "etag", "md5Hash", *_VERSIONS)):
+        about = {**about, **system.info(about["name"])}  # a page of links does not say
+    _, *outer = source.split("::")
+    query = source.partition("?")[2] if not outer else ""
+    address = "::".join([str(system.unstrip_protocol(about["name"])), *outer])
+    etag = str(about.get("ETag") or about.get("etag") or "").strip('"')
+    size = about.get("size")
+    versions = [etag] if etag else [_plain(about.get(key)) for key in _VERSIONS]
+    md5 = etag if _MD5.fullmatch(etag) and source.startswith("s3") else ""
+    if query and "?" not in address:
+        address = f"{address}?{query}"
+    return Entry(address, None if size is None else int(size), json.dumps([size, *versions]), md5)
+
+
+def _callback(alive: Callable[[], None]) -> Any:
+    """What a file system tells of its progress."""
+    from fsspec.callbacks import Callback
+
+    class Alive(Callback):  # type: ignore[misc]  # fsspec brings no types
+        def call(self, *_: Any, **__: Any) -> None:
+            alive()
+
+    return Alive()

@@ -1,0 +1,1 @@
+"""An execution engine of gesture-core on Ray."""

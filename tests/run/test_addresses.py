@@ -1,0 +1,219 @@
+"""Archives that are no folders: the rows are those of the same files in a folder, and no secret is kept."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import zipfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from troubles import write_clip
+
+from gesture_core import classify_archive
+from gesture_core.errors import GestureError, InputError, MissingDependencyError
+from gesture_core.files import cache_dir
+from gesture_core.run import addresses
+from gesture_core.run.addresses import entries, fetch, local_path, look, sha256_of, shown
+from gesture_core.run.pipeline import RunSummary
+
+fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: pip install 'gesture-core[s3]'")
+SECRET = "hunter2"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """``examples`` of right and left, and four clips and a note in ``videos``."""
+    monkeypatch.setenv("GESTURE_CACHE", str(tmp_path / "cache"))
+    for joint, label in ((4, "right"), (7, "left")):
+        write_clip(tmp_path / "examples" / label / "1.npz", 40, joint)
+        for number in range(2):
+            write_clip(tmp_path / "videos" / f"day{number}" / f"{label}.npz", 30, joint, seed=number + 1)
+    (tmp_path / "videos" / "note.txt").write_text("not a clip")
+    (tmp_path / "videos" / "film.mp4").write_bytes(b"no film")
+    return tmp_path
+
+
+@pytest.fixture
+def memory(folder: Path) -> Iterator[Any]:
+    """The same archive in fsspec's file system in memory."""
+    system = fsspec.filesystem("memory")
+    for file in folder.rglob("*.*"):
+        if file.is_file():
+            system.pipe(f"/{file.relative_to(folder).as_posix()}", file.read_bytes())
+    yield system
+    system.store.clear()
+    system.pseudo_dirs[:] = [""]
+
+
+def classify(sources: Any, examples: Any, out: Path, **options: Any) -> RunSummary:
+    return classify_archive(
+        sources, examples, out, "paper", engine="inline", classify__kernel="numpy", **options
+    )
+
+
+def results(summary: RunSummary) -> list[tuple[Any, ...]]:
+    """What the rows say, apart from where their inputs lie."""
+    return [
+        (
+            row.input.rpartition("videos/")[2].partition("::")[0], row.sha256, row.label, row.distance,
+            row.status, row.code, row.seconds,
+        )
+        for row in summary.rows()
+    ]  # fmt: skip
+
+
+def test_an_archive_in_memory_is_that_of_a_folder(folder: Path, memory: Any) -> None:
+    expected = classify(folder / "videos", folder / "examples", folder / "run")
+    summary = classify("memory://videos", "memory://examples", folder / "far")
+    assert results(summary) == results(expected) and len(summary.rows()) == 6
+    assert {row.input for row in summary.rows()} >= {
+        "memory:///videos/note.txt", "memory:///videos/day0/left.npz"
+    }  # fmt: skip
+    assert not [file for file in (cache_dir() / "fetched").rglob("*") if file.is_file()]
+    again = classify("memory://videos", "memory://examples", folder / "far")
+    assert again.done_now == 0 and results(again) == results(expected)
+
+
+def test_what_is_replaced_is_done_again_and_what_is_gone_goes(folder: Path, memory: Any) -> None:
+    classify("memory://videos", "memory://examples", folder / "far")
+    memory.pipe("/videos/day0/left.npz", (folder / "videos" / "day1" / "right.npz").read_bytes())
+    memory.rm("/videos/day1/left.npz")
+    summary = classify("memory://videos", "memory://examples", folder / "far")
+    assert (summary.done_now, summary.gone, len(summary.rows())) == (1, 1, 5)
+    (row,) = [row for row in summary.rows() if row.input.endswith("day0/left.npz")]
+    assert row.label == "right"
+    # Of another address alone: the rows of this one are none of its business.
+    assert classify("memory://examples", "memory://examples", folder / "far").gone == 0
+
+
+@pytest.mark.parametrize("pattern", ["zip://::file://{}", "zip://videos/*/*.npz::file://{}"])
+def test_a_zip_file_is_a_folder(folder: Path, pattern: str) -> None:
+    with zipfile.ZipFile(folder / "archive.zip", "w") as archive:
+        for file in sorted((folder / "videos").rglob("*.*")):
+            archive.write(file, file.relative_to(folder))
+    expected = classify(folder / "videos", folder / "examples", folder / "run")
+    address = pattern.format(folder / "archive.zip")
+    summary = classify(address, f"file://{folder / 'examples'}", folder / "far")
+    clips = [row for row in results(expected) if row[0].endswith(".npz") or "*" not in pattern]
+    assert [(*row[1:],) for row in results(summary)] == [(*row[1:],) for row in clips]
+
+
+def test_an_address_with_a_password_is_refused_and_a_signature_is_never_kept(
+    folder: Path, memory: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(InputError, match="holds a name or password") as caught:
+        list(entries(f"s3://me:{SECRET}@bucket/videos"))
+    assert SECRET not in str(caught.value)
+    assert shown(f"https://example.org/a.mp4?X-Amz-Signature={SECRET}") == "https://example.org/a.mp4"
+    assert shown("videos/clip?.mp4") == "videos/clip?.mp4"
+    error = addresses._failed(f"https://x.org/a?sig={SECRET}", OSError(f"GET /a?sig={SECRET} failed"))
+    assert SECRET not in str(error)
+    item = next(iter(entries("memory://videos")))[1]
+    assert SECRET not in repr(addresses.Entry(shown(item.address), 1, "", ""))
+
+
+def test_an_absent_package_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("s3fs", "gcsfs"):
+        monkeypatch.setitem(sys.modules, module, None)
+    for address, extra in (("s3://bucket/x", "s3"), ("gs://bucket/x", "gcs")):
+        with pytest.raises(MissingDependencyError, match=rf'pip install "gesture-core\[{extra}\]"'):
+            list(entries(address))
+    monkeypatch.setitem(sys.modules, "fsspec.core", None)
+    with pytest.raises(MissingDependencyError, match="pip install"):
+        list(entries("s3://bucket/x"))
+    monkeypatch.undo()
+    with pytest.raises(MissingDependencyError, match="nothing reads nonsense://"):
+        list(entries("nonsense://bucket/x"))
+
+
+def test_a_listing_that_fails_changes_nothing(
+    folder: Path, memory: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = results(classify("memory://videos", "memory://examples", folder / "far"))
+    ls = type(memory).ls
+
+    def failing(self: Any, path: str, *arguments: Any, **options: Any) -> Any:
+        if "day1" in path:
+            raise OSError("503 slow down")
+        return ls(self, path, *arguments, **options)
+
+    monkeypatch.setattr(type(memory), "ls", failing)
+    with pytest.raises(InputError, match="503 slow down") as caught:
+        classify("memory://videos", "memory://examples", folder / "far")
+    assert caught.value.code == "E_READ"
+    monkeypatch.undo()
+    monkeypatch.setenv("GESTURE_CACHE", str(folder / "cache"))
+    again = classify("memory://videos", "memory://examples", folder / "far")
+    assert again.done_now == 0 and results(again) == before
+    with pytest.raises(InputError, match="no such object"):
+        classify("memory://nowhere", "memory://examples", folder / "other")
+
+
+class Cut:
+    """Reads of a file system of which the first are cut off."""
+
+    def __init__(self, system: Any, times: int) -> None:
+        self._whole, self.left = type(system).get_file, times
+
+    def __call__(self, system: Any, source: str, target: str, **options: Any) -> None:
+        self._whole(system, source, target, **options)
+        if self.left > 0:
+            self.left -= 1
+            data = Path(target).read_bytes()
+            Path(target).write_bytes(data[: len(data) // 2])
+
+
+@pytest.mark.parametrize(("times", "code"), [(1, ""), (9, "E_READ")])
+def test_what_is_cut_off_is_read_again(
+    memory: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int, code: str
+) -> None:
+    cut = Cut(memory, times)
+    monkeypatch.setattr(type(memory), "get_file", lambda self, *a, **o: cut(self, *a, **o))
+    monkeypatch.setattr("gesture_core.run.addresses.time.sleep", lambda seconds: None)
+    entry = look("memory://videos/day0/left.npz")
+    if code:
+        with pytest.raises(InputError, match="bytes could be read") as caught:
+            fetch(entry, tmp_path / "clip.npz")
+        assert caught.value.code == code and not (tmp_path / "clip.npz").exists()
+    else:
+        fetch(entry, tmp_path / "clip.npz")
+        assert (tmp_path / "clip.npz").stat().st_size == entry.size
+
+
+def test_an_object_that_is_replaced_while_it_is_read_is_said(memory: Any, tmp_path: Path) -> None:
+    entry = look("memory://videos/day0/left.npz")
+    memory.pipe("/videos/day0/left.npz", memory.cat("/videos/day0/right.npz"))
+    with pytest.raises(InputError) as caught:
+        fetch(entry, tmp_path / "clip.npz")
+    assert caught.value.code == "E_CHANGED"
+
+
+def test_an_etag_counts_only_once_it_was_seen_to_be_the_hash(memory: Any, tmp_path: Path) -> None:
+    entry = look("memory://videos/day0/left.npz")
+    wrong = replace(entry, md5="0" * 32)
+    fetch(wrong, tmp_path / "clip.npz")
+    assert sha256_of(wrong) == ""
+    right = replace(entry, md5=addresses._md5(tmp_path / "clip.npz"))
+    (tmp_path / "clip.npz").unlink()
+    fetch(right, tmp_path / "clip.npz")
+    from gesture_core.files import content_sha256
+
+    assert sha256_of(right) == content_sha256(tmp_path / "clip.npz")
+
+
+def test_no_name_leads_out_of_the_folder(tmp_path: Path) -> None:
+    for parts in (["..", "..", "etc", "passwd"], [".", "a"], ["", "b"], ["x" * 300 + ".mp4"]):
+        place = addresses._safe(parts)
+        assert ".." not in place.parts and not place.is_absolute() and len(place.name) < 250
+    assert local_path("videos/") == "videos/" and local_path("file:///a/b%20c") == "/a/b c"
+    shutil.rmtree(tmp_path, ignore_errors=True)
+
+
+def test_errors_are_of_the_package(memory: Any) -> None:
+    for address in ("memory://none/at/all", "zip://x::memory://videos/note.txt", "http://["):
+        with pytest.raises(GestureError):
+            list(entries(address))

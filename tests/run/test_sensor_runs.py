@@ -1,0 +1,119 @@
+"""Runs of channels instead of people: rows, evaluation, explanation; the preset says what a table is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from gesture_core import (
+    GestureClassifier,
+    classify_archive,
+    evaluate_archive,
+    explain,
+    load_settings,
+)
+from gesture_core.classify.balance import balanced
+from gesture_core.errors import ConfigError, GestureError
+from gesture_core.types import Signals
+
+
+def imu(kind: str, seed: int, rate: float = 50.0) -> np.ndarray:
+    """(T, 4): time, and an accelerometer that is shaken or turned, in an uneven rhythm."""
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.6, 1.4, 60)) / rate
+    phase = times * (12 if kind == "shake" else 4) + rng.uniform(0, 1)
+    values = np.stack([np.sin(phase), np.cos(phase) * (kind == "turn"), 9.8 + 0 * phase], axis=1)
+    return np.column_stack([times, 3 * values + rng.normal(0, 0.1, values.shape)])
+
+
+def write(path: Path, table: np.ndarray, header: str = "time,acc_x [g],acc_y [g],acc_z [g]") -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savetxt(path, table, "%.5f", ",", header=header, comments="")
+    return path
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    for kind in ("shake", "turn"):
+        for n in range(3):
+            write(tmp_path / "examples" / kind / f"{n}.csv", imu(kind, n))
+            write(tmp_path / "imu" / f"{kind}_{n}.csv", imu(kind, 10 + n))
+    return tmp_path
+
+
+def test_a_folder_of_logs_is_classified_evaluated_and_explained(logs: Path) -> None:
+    summary = classify_archive(logs / "imu", logs / "examples", logs / "run", "sensors", engine="inline")
+    rows = summary.rows()
+    assert [row.label for row in rows] == [Path(row.input).stem.partition("_")[0] for row in rows]
+    assert {row.status for row in rows} == {"ok"} and rows[0].frames_read == 60 and rows[0].box == ()
+    assert "acc/x[g]" in rows[0].selected and "acc/x[g].velocity" in rows[0].selected
+    again = classify_archive(logs / "imu", logs / "examples", logs / "run", "sensors", engine="inline")
+    assert again.done_now == 0
+    assert explain(logs / "run", "turn_1").explanation.nearest.label == "turn"
+    result = evaluate_archive(logs / "examples", "sensors", protocol="leave-one-out", workers=1)
+    assert result.accuracy == 1
+
+
+def test_other_channels_and_other_units_are_said_of_the_one_input(logs: Path) -> None:
+    write(logs / "imu" / "a.csv", imu("turn", 5), "time,acc_x [m/s2],acc_y [m/s2],acc_z [m/s2]")
+    write(logs / "imu" / "b.csv", imu("turn", 5)[:, :3], "time,acc_x [g],acc_y [g]")
+    rows = classify_archive(logs / "imu", logs / "examples", None, "sensors", engine="inline").rows()
+    a, b, *rest = rows
+    assert {row.status for row in rest} == {"ok"}
+    assert a.code == b.code == "E_DIMENSIONS"
+    assert "it has acc/x[m/s2]" in a.message and "it lacks acc/x[g]" in a.message
+    assert "it lacks acc/z[g]" in b.message
+
+
+def test_the_preset_says_what_a_table_is(logs: Path, tmp_path: Path) -> None:
+    with pytest.raises(GestureError, match=r"holds no example.*names no joints"):
+        classify_archive(logs / "imu", logs / "examples", None, "modern", engine="inline")
+    clip = tmp_path / "pose.mp4"
+    clip.write_bytes(b"\0\0\0\x18ftypmp42" + bytes(64))
+    (row,) = classify_archive(clip, logs / "examples", None, "sensors", engine="inline").rows()
+    assert row.status == "skipped" and "no series of channels" in row.message
+
+
+def test_columns_in_another_order_are_the_same_channels(logs: Path) -> None:
+    table = imu("turn", 7)[:, [3, 0, 2, 1]]
+    write(logs / "imu" / "a.csv", table, "acc_z [g],time,acc_y [g],acc_x [g]")
+    rows = classify_archive(logs / "imu", logs / "examples", None, "sensors", engine="inline").rows()
+    assert rows[0].label == "turn"
+
+
+def test_the_estimator_takes_arrays_and_frames() -> None:
+    X = [imu(kind, n)[:, 1:] for kind in ("shake", "turn") for n in range(3)]
+    y = ["shake"] * 3 + ["turn"] * 3
+    fitted = GestureClassifier("sensors").fit(X, y)
+    assert fitted.predict([imu("turn", 9)[:, 1:]]).tolist() == ["turn"]
+    assert fitted.settings_.dtw.weights is not None
+
+    def frame(table: np.ndarray) -> pa.Table:
+        return pa.table(dict(zip(["time", "ax", "ay", "az"], table.T, strict=True)))
+
+    tables = [frame(imu(kind, n)) for kind in ("shake", "turn") for n in range(3)]
+    named = GestureClassifier("sensors").fit(tables, y)
+    assert named.signals([frame(imu("turn", 9))])[0].channels[0] == "a/x"  # type: ignore[union-attr]
+    assert named.predict([frame(imu("turn", 9))]).tolist() == ["turn"]
+    with pytest.raises(GestureError, match="expected real numbers"):
+        named.predict([frame(imu("turn", 9)).append_column("who", pa.array(["anna"] * 60))])
+
+
+def signals(*columns: np.ndarray) -> Signals:
+    values = np.stack(columns, axis=1)
+    return Signals(values, np.arange(len(values)) / 10, ("acc/x", "acc/y", "force")[: len(columns)])
+
+
+def test_groups_count_alike_whatever_their_units() -> None:
+    wave = np.sin(np.arange(50) / 3)
+    settings = load_settings("sensors", ["classify.weights=force=2"])
+    one = balanced([signals(wave, 0 * wave, 1000 * wave)], settings).dtw.weights
+    assert one is not None and one[0] == one[1]
+    np.testing.assert_allclose(2 * one[0] / one[2], 1e6, rtol=1e-4)
+    with pytest.raises(ConfigError, match="no group of channels 'gyro'"):
+        balanced([signals(wave, wave)], load_settings("sensors", ["classify.weights=gyro=2"]))
+    with pytest.raises(GestureError, match="no channel of any example changes"):
+        balanced([signals(0 * wave + 5, 0 * wave)], settings.with_values([("classify.weights", "")]))
