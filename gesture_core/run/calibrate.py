@@ -106,9 +106,9 @@ def calibrate(
     recordings = list(dict.fromkeys(str(one) for file in files for one in _recordings(file)))
     spot = replace(request.settings.spot, tolerance=OPEN)
     out = request.out / FOLDER
-    opened = replace(
-        request, sources=tuple(recordings), out=out, shard="", settings=replace(request.settings, spot=spot)
-    )
+    settings = replace(request.settings, spot=spot)
+    # Anew each time: recordings of other annotations must not count.
+    opened = replace(request, sources=tuple(recordings), out=out, shard="", overwrite=True, settings=settings)
     summary = run_archive(opened, listener)
     with open_results(out) as results:
         rows = list(results.rows())
@@ -123,6 +123,11 @@ def calibrate(
         raise InputError(failed.message, subject=failed.input, code=failed.code)
     events = [event_of(row) for row in rows if row.event]
     usable = [event for event in events if event.distance > COPY]
+    if not usable:
+        raise ConfigError(
+            "nothing in the annotated recordings is like an example that is no copy",
+            subject=", ".join(annotations), remedy="other examples, or other recordings", code="E_EXAMPLES",
+        )  # fmt: skip
     seconds = sum({row.input: row.seconds for row in rows}.values())
     tolerance = choose_tolerance(usable, marks, seconds)
     found, before = (
