@@ -88,7 +88,7 @@ def spot(
     labels, label_columns
         As in gesture classify.
     """
-    asked = {"examples": examples, "labels": labels, "label_columns": label_columns}
+    asked: dict[str, Any] = {"examples": examples, "labels": labels, "label_columns": label_columns}
     return _execute(sources, out, flags, run, calibrate, spot=True, **asked)
 
 
