@@ -58,8 +58,8 @@ def utd_openpose(shared: Path, *, with_a8: bool = False) -> list[Item]:
     return items
 
 
-def utd_skeleton(shared: Path) -> list[Item]:
-    """Kinect joints of 27 actions, subjects 1 to 4, projected to x and y, as COCO-18."""
+def utd_skeleton(shared: Path, *, depth: bool = False) -> list[Item]:
+    """Kinect joints of 27 actions, subjects 1 to 4, projected to x and y unless ``depth``, as COCO-18."""
     import scipy.io
 
     # Kinect: head, shoulder centre, spine, hip centre, then arm and leg of each side (shoulder,
@@ -71,9 +71,10 @@ def utd_skeleton(shared: Path) -> list[Item]:
         name = path.name.removesuffix("_skeleton.mat")
         action, subject, _ = name.split("_")
         raw = scipy.io.loadmat(path)["d_skel"].transpose(2, 0, 1)
-        points = np.full((len(raw), 18, 2), np.nan)
+        points = np.full((len(raw), 18, 3), np.nan)
         # Metres, y up, x mirrored against what a camera sees (the left arm has the smaller x).
-        points[:, :14] = raw[:, joints, :2] * (-1, -1)
+        points[:, :14] = raw[:, joints] * (-1, -1, 1)
+        points = points if depth else points[..., :2]
         items.append(Item(_pose(points, 30.0, name), action, subject, name))
     return items
 

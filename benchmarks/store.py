@@ -107,8 +107,9 @@ def again(folder: Path) -> int:
     """The command as it is typed, its rows through a pipe."""
     from gesture_core.cli.main import run
 
-    run(command("videos/", "run/"))
-    return 0
+    code = run(command("videos/", "run/"))
+    assert code == 0, code
+    return code
 
 
 def export(folder: Path) -> int:

@@ -275,10 +275,13 @@ def plugins_page() -> Iterator[str]:
         for entry in entries:
             summary = entry.summary[:1].upper() + entry.summary[1:]
             yield f"### {entry.name} {{ #{kind}-{entry.name} }}\n\n{summary}.\n"
-            if entry.missing:
+            module, _, name = entry.target.partition(":")
+            try:  # not by the registry: what imports its package when it is used needs none here
+                target = getattr(importlib.import_module(module), name)
+            except ImportError:
                 log.warning("%s needs %s to be documented", entry.title, ", ".join(entry.missing))
-            else:
-                yield from plugin_options(entry.name, found.load(kind, entry.name), KINDS[kind].filled)
+                continue
+            yield from plugin_options(entry.name, target, KINDS[kind].filled)
 
 
 def plugin_options(name: str, target: type, given: tuple[str, ...]) -> Iterator[str]:

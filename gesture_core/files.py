@@ -82,15 +82,20 @@ def unreadable(path: Path) -> tuple[str, str] | None:
     Links are followed, wherever they lead: archives of git-annex, DataLad and DVC, and the caches of hubs,
     consist of them. What the system makes up (``/proc``, ``/sys``) counts as no file, as it may have no end.
     """
+    return look_at(path)[1]
+
+
+def look_at(path: Path) -> tuple[str, tuple[str, str] | None]:
+    """The `stamp` of a regular file, or why it is none as `unreadable` says it, by one look at it."""
     try:
         status = path.stat()
     except FileNotFoundError:
-        return _lost(path) if path.is_symlink() else ("no such file", "check the path")
+        return "", _lost(path) if path.is_symlink() else ("no such file", "check the path")
     except OSError as error:
         if error.errno == errno.ELOOP:
-            return "is a link that leads back to itself", "the file itself in its place"
-        return f"cannot be looked at: {error.strerror}", "check its permissions"
-    return _no_content(status)
+            return "", ("is a link that leads back to itself", "the file itself in its place")
+        return "", (f"cannot be looked at: {error.strerror}", "check its permissions")
+    return _stamp(status), _no_content(status)
 
 
 def _lost(link: Path) -> tuple[str, str]:
@@ -284,13 +289,17 @@ def stamp(path: Path) -> str:
 
     Raises OSError where the path cannot be looked at.
     """
-    if path.is_dir():
+    found = path.stat()
+    if modes.S_ISDIR(found.st_mode):
         digest = hashlib.sha256()
         for entry in _regular_files(path):
             digest.update(os.fsencode(entry.name) + b"\0" + stamp(entry).encode())
         return digest.hexdigest()
-    found = path.stat()
-    return json.dumps((found.st_size, found.st_mtime_ns, found.st_ctime_ns))
+    return _stamp(found)
+
+
+def _stamp(status: os.stat_result) -> str:
+    return f"[{status.st_size}, {status.st_mtime_ns}, {status.st_ctime_ns}]"
 
 
 def _regular_files(folder: Path) -> Iterator[Path]:

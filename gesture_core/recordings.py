@@ -194,9 +194,9 @@ def seconds(values: np.ndarray, per_second: float, source: str) -> np.ndarray:
 
 
 def dated(stamps: np.ndarray) -> np.ndarray:
-    """Seconds since the first of some dates (datetime64); NaN where there is none."""
+    """Seconds since 2000 of dates (datetime64), to the microsecond; NaN where there is none."""
     exact = stamps.astype("datetime64[ns]")
-    since: np.ndarray = (exact - exact[:1]).astype(np.float64) / 1e9
+    since: np.ndarray = (exact - np.datetime64("2000-01-01", "ns")).astype(np.float64) / 1e9
     return np.where(np.isnat(exact), np.nan, since)
 
 

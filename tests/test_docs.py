@@ -20,7 +20,7 @@ from pages import blocks, spoken_commands, table, write_folder
 
 from gesture_core.cli.main import FLAGS_OF_EVERY_COMMAND, app, run
 from gesture_core.demo.archive import DemoArchive
-from gesture_core.demo.motions import GESTURES
+from gesture_core.demo.figure import GESTURES
 from gesture_core.errors import Code, Status
 from gesture_core.plugin.hooks import KINDS
 from gesture_core.settings import LimitSettings, load_settings

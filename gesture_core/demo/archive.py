@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gesture_core.demo.drawing import backdrop_of, draw
-from gesture_core.demo.figure import joints, random_body
-from gesture_core.demo.motions import GESTURES, Style
+from gesture_core.demo.figure import GESTURES, Style, joints, random_body
 from gesture_core.errors import InputError, MediaError
 
 SIZE = (320, 240)

@@ -23,11 +23,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gesture_core.dtw.averaging import barycenter
     from gesture_core.dtw.distances import derivatives, warping_distance, warping_distances
     from gesture_core.dtw.paths import warping_path
     from gesture_core.dtw.search import ExampleIndex, nearest
-    from gesture_core.dtw.soft import SoftGradient, soft_divergence, soft_warping, soft_warping_gradient
+    from gesture_core.dtw.soft import (
+        SoftGradient,
+        barycenter,
+        soft_divergence,
+        soft_warping,
+        soft_warping_gradient,
+    )
     from gesture_core.dtw.spec import BandMask, DtwSpec
 
 __all__ = [
@@ -51,7 +56,7 @@ _MODULES = {
     "DtwSpec": "spec",
     "ExampleIndex": "search",
     "SoftGradient": "soft",
-    "barycenter": "averaging",
+    "barycenter": "soft",
     "derivatives": "distances",
     "nearest": "search",
     "soft_divergence": "soft",

@@ -234,6 +234,8 @@ class ExecutionEngine(Protocol):
 
     `run` is called several times in a run of the program, with the same job. Wherever a task is
     performed, it is ``gesture_core.run.workers.worker.Worker(job, report).perform(task)`` that does it.
+    An error travels as plain values by ``as_tree`` and ``from_tree`` of that module; what the function
+    ``extract`` has left in the store of another machine (``value["stored"]``) is brought to ``job.store``.
     """
 
     def run(

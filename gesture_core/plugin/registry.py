@@ -125,13 +125,10 @@ class Registry:
         name: str,
         target: str,
         needs: Sequence[str] = (),
-        extra: str = "",
-        summary: str = "",
         suffixes: Sequence[str] = (),
-        folders: bool = False,
-        channels: bool = False,
+        **more: Any,
     ) -> None:
-        """Record one announcement; a malformed or repeated one becomes a fault."""
+        """Record one announcement, see `hooks.Register`; a malformed or repeated one becomes a fault."""
         known = self.entries.get((kind, name), [])
         listed = isinstance(needs, Collection) and not isinstance(needs, str)
         if not isinstance(name, str) or not _NAME.fullmatch(name):
@@ -143,8 +140,8 @@ class Registry:
         elif any(entry.origin.distribution == origin.distribution for entry in known):
             fault = "registers this name twice; the first one counts"
         else:
-            every = tuple(needs), extra, summary, tuple(suffixes), folders, channels
-            self.entries[kind, name] = [*known, Registration(kind, name, target, origin, *every)]
+            more |= {"needs": tuple(needs), "suffixes": tuple(suffixes)}
+            self.entries[kind, name] = [*known, Registration(kind, name, target, origin, **more)]
             return
         self.faults.append(Fault(origin, fault, kind, str(name)))
 

@@ -220,7 +220,7 @@ class _Page:
         there = look_again(places, self.settings)
         for one in self.examples.values():
             item = there.get(one.name)
-            if item and item.kind in ("video", "keypoints"):
+            if item and item.readable:
                 by_key.setdefault(item.key, []).append(one)
                 items[item.key] = item
         for item, found, people in people_of(
@@ -236,7 +236,7 @@ class _Page:
         """Rows with their signals and where their previews begin, as the keypoints come."""
         chain = Chain.from_settings(self.settings)
         batch: list[tuple[_PageRow, Signals, float]] = []
-        readable = [item for item in self._items.values() if item.kind in ("video", "keypoints")]
+        readable = [item for item in self._items.values() if item.readable]
         readable = list({item.key: item for item in readable}.values())
         for item, found, people in people_of(readable, self.settings, workers=workers, listener=listener):
             by_number = {pose.person: pose for pose in people}

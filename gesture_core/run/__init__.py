@@ -7,7 +7,7 @@ decision is made in a worker (`workers`); `rows` says what came of it, and `resu
 `archive` has all of that as functions.
 
 Beside the way: `tables` reads lists, `export` writes rows and keypoints as files. `evaluate` tests labelled
-inputs on each other, `explain`, `cut` and `find` go back to the inputs of a run (`inputs.find_inputs`),
+inputs on each other, `explain`, `cut` and `find` go back to the inputs of a run (`found_again`),
 `review` makes examples of what a person corrected, `annotations` compares events with marks, `watch` has no
 run folder.
 """

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gesture_core.errors import GestureError
 from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.inputs import discover_readable
 from gesture_core.run.pipeline import RunSummary, run_archive
@@ -60,7 +59,7 @@ def load_poses(
     for item in items:
         found, _ = came[item.key]
         if found.code:
-            raise GestureError(found.message, subject=item.name, code=found.code)
+            raise found.error(item.name)
     return [pose for item in items for pose in came[item.key][1]]
 
 
@@ -99,8 +98,10 @@ def classify_archive(
         With a CSV file: the headings of path and label, such as ``"filename,class"``.
     engine : str
         Name of an execution engine: ``processes``, or ``inline`` for debugging.
-    retry_errors, overwrite : bool
-        As in `RunRequest`.
+    retry_errors : bool
+        Try inputs again whose row is an error.
+    overwrite : bool
+        Forget the rows of a run that was made with other settings.
     spot : bool
         Look for the examples in long recordings, see `spot_archive`.
     calibrate : path or sequence of paths

@@ -27,6 +27,9 @@ from gesture_core.settings import Settings
 from gesture_core.settings.load import check_option, find_key
 from gesture_core.types import PoseSequence
 
+_NAMED = 5
+"""Labels that a message lists."""
+
 
 @dataclass(frozen=True, eq=False)
 class EvaluationResult:
@@ -235,7 +238,7 @@ def _load(
         hashes[number] = found.sha256
         assumed.update([found.assumed] if found.assumed else [])
         if found.code:
-            poses[number] = GestureError(found.message, subject=item.name, code=found.code)
+            poses[number] = found.error(item.name)
         elif people:
             poses[number] = people[0]
         else:
@@ -250,10 +253,6 @@ def _fingerprint(settings: Settings, identity: Mapping[str, Any], data: Labelled
     tree = run_configuration(settings, identity, [], kernel)
     labels = {n: [label, s] for n, label, s in zip(data.names, data.labels, data.subjects, strict=True)}
     return fingerprint({**tree, "labels": labels})
-
-
-_NAMED = 5
-"""Labels that a message lists."""
 
 
 def labelled_inputs(

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from gesture_core.run.workers.worker import Worker
 
 _SECONDS_BETWEEN_SIGNS = 0.5
+_LONGEST = 120
+_ODD = re.compile(r"[^\w .=@+-]|^\.+$")
 
 
 def export_rows(run: Path, format: str, path: Path | None, limits: LimitSettings) -> Path:
@@ -161,10 +163,6 @@ class ParquetWriter:
             remaining = iter(rows)
             while batch := list(islice(remaining, 10_000)):
                 writer.write_table(pa.Table.from_pylist(batch, schema))
-
-
-_LONGEST = 120
-_ODD = re.compile(r"[^\w .=@+-]|^\.+$")
 
 
 class KeypointFiles:

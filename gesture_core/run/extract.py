@@ -7,7 +7,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.cores import usable_cores
-from gesture_core.errors import Code, ConfigError, ModelError, PluginError, RunFolderError, WorkerError
+from gesture_core.errors import (
+    Code,
+    ConfigError,
+    InputError,
+    ModelError,
+    PluginError,
+    RunFolderError,
+    WorkerError,
+)
 from gesture_core.files import cache_dir, tree_sha256
 from gesture_core.plugin.abilities import Closeable
 from gesture_core.plugin.registry import calling, registry
@@ -241,3 +249,13 @@ def people_of(
     for item, found in extract_all(items, settings, **options):
         stored = None if found.code else read_keypoints(keypoint_store() / found.stored, item.name)
         yield item, found, stored.sequences if stored else []
+
+
+def first_person(item: Input, settings: Settings, **options: Any) -> tuple[Extracted, PoseSequence]:
+    """The first person in one clip; an error says why there is none. Options as in `extract_all`."""
+    ((_, found, people),) = people_of([item], settings, workers=1, **options)
+    if found.code:
+        raise found.error(item.name)
+    if not people:
+        raise InputError("nobody is in it", subject=item.name, remedy="another clip", code="E_NO_PERSON")
+    return found, people[0]

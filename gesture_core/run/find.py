@@ -13,7 +13,7 @@ from gesture_core.cores import usable_cores
 from gesture_core.errors import Code, ConfigError, GestureError, InputError
 from gesture_core.records import Job, Task
 from gesture_core.run.archive import Sources, as_strings, with_changes
-from gesture_core.run.extract import Listener, extract_all, people_of
+from gesture_core.run.extract import Listener, extract_all, first_person
 from gesture_core.run.found_again import find_inputs
 from gesture_core.run.inputs import Input, discover
 from gesture_core.run.results import DATABASE, open_results
@@ -121,12 +121,12 @@ def find(
     if strangers := [item.name for item in items if item.kind == "other"]:
         shown = ", ".join(strangers[:5]) + (", …" if strangers[5:] else "")
         warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)
-    readable = [item for item in items if item.kind in ("video", "keypoints")]
+    readable = [item for item in items if item.readable]
     if not readable:
         raise InputError("holds no recording", subject=", ".join(sources), code="E_EMPTY")
     query = _query(clip, ready, listener)
     found = Findings(failed=failed)
-    with _Search(query, ready, top, workers or usable_cores()) as search:
+    with _Workers(query, ready, top, workers or usable_cores()) as search:
         waiting: list[tuple[Input, Extracted]] = []
         for item, extracted in extract_all(readable, ready, workers=workers, listener=listener):
             if extracted.code:
@@ -145,16 +145,11 @@ def find(
 def _query(clip: str | os.PathLike[str], settings: Settings, listener: Listener) -> Extracted:
     """The keypoints of the clip, in the store."""
     items = discover([clip], settings=settings)
-    if len(items) != 1 or items[0].kind not in ("video", "keypoints"):
+    if len(items) != 1 or not items[0].readable:
         cause = items[0].fault if len(items) == 1 and items[0].fault else f"holds {len(items)} inputs"
         raise InputError(cause, subject=os.fspath(clip), remedy="one clip", code="E_INPUT")
     (item,) = items
-    ((_, extracted, people),) = people_of([item], settings, workers=1, listener=listener)
-    if extracted.code:
-        raise GestureError(extracted.message, subject=item.name, code=extracted.code)
-    if not people:
-        raise InputError("nobody is in it", subject=item.name, remedy="another clip", code="E_NO_PERSON")
-    return extracted
+    return first_person(item, settings, listener=listener)[0]
 
 
 class Searcher:
@@ -192,7 +187,7 @@ class Searcher:
         return found
 
 
-class _Search:
+class _Workers:
     """Workers that know the query, as a context manager."""
 
     def __init__(self, query: Extracted, settings: Settings, top: int, workers: int) -> None:
@@ -202,7 +197,7 @@ class _Search:
         self._job = Job(settings.as_dict(), str(keypoint_store()))
         self._top = top
 
-    def __enter__(self) -> _Search:
+    def __enter__(self) -> _Workers:
         return self
 
     def __exit__(self, *_: object) -> None:

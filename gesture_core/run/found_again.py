@@ -29,7 +29,7 @@ def find_inputs(places: Places, settings: Settings) -> dict[str, Input | Gesture
         if item is None:
             remedy = "to put it back"
             found[name] = InputError(GONE, subject=name, remedy=remedy, code="E_NOT_FOUND")
-        elif item.kind in ("video", "keypoints") and (
+        elif item.readable and (
             item.name == name if item.address else printable(item.member) == name.partition("::")[2]
         ):
             found[name] = item

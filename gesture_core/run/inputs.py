@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
-from gesture_core.files import made_up, printable, unreadable
+from gesture_core.files import look_at, made_up, printable
 from gesture_core.records import Job
 from gesture_core.run.addresses import drop, entries, fetch, is_address, local_path, shown
 from gesture_core.run.readers import Readers
@@ -93,6 +93,11 @@ class Input:
         where = shown(self.address) or os.path.abspath(self.path)  # noqa: PTH100 - ten times as fast as pathlib
         place = os.fsencode(where)
         object.__setattr__(self, "key", place + b"\0" + self.member.encode("utf-8", "surrogatepass"))
+
+    @property
+    def readable(self) -> bool:
+        """It is a video, or keypoints that somebody reads."""
+        return self.kind in ("video", "keypoints")
 
     @property
     def place(self) -> bytes:
@@ -285,11 +290,10 @@ class Walk:
             self._been.add(identity)
             entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
             folders = set()
-            for entry in entries:
-                with suppress(
-                    OSError
-                ):  # a link into a folder that is closed to us; it is a row like any other
-                    folders |= {entry} if entry.is_dir() else set()
+            with os.scandir(folder) as found:  # which knows most folders without a look at them
+                for one in found:
+                    with suppress(OSError):  # a link into a folder that is closed to us is a row as any other
+                        folders |= {folder / one.name} if one.is_dir() else set()
         except OSError as error:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
@@ -311,10 +315,11 @@ class Walk:
 
     def _file(self, path: Path, *, say_why: bool = True) -> Iterator[Input]:
         name = printable(os.fspath(path))
-        if fault := unreadable(path):
+        stamp, fault = look_at(path)
+        if fault:
             yield _broken(path, "E_READ", *fault)
         elif self._is_video(path):
-            yield Input(path, name, "video")
+            yield Input(path, name, "video", stamp=stamp)
         else:
             reader, trouble = self._readers.of(path)
             if reader:

@@ -23,6 +23,21 @@ _REMEDY = (
     "examples/<label>/<clip>, a CSV file with path and label, or a regular expression "
     "(one with a / is searched in the whole path)"
 )
+LEVEL = re.compile(r"folder(?::(-?\d+))?")
+"""``folder``, or ``folder:`` and a level."""
+# Folders that are parts of a data set.
+_PARTS = frozenset(
+    "train training trn val valid validation dev eval evaluation test testing tst holdout".split()
+)
+# What people are called in front of their number.
+_PEOPLE = frozenset(
+    "s sub subj subject p person people u user a actor participant signer performer id".split()
+)
+_NUMBER = re.compile(r"[\d\W_]+")
+# Of the folders that lie in any of the folders above, each of these holds this share on average: the same.
+_ALIKE = 0.5
+_SHOWN = 4
+Folders = tuple[str, ...]
 
 
 class Labels(Protocol):
@@ -63,7 +78,7 @@ def label_inputs(
     labelled = []
     for item in items:
         label = word(item.label or find(item) or "")
-        if not label and item.kind not in ("broken", "other"):
+        if not label and item.readable:
             fault, remedy = find.refusal(item)
             cause = f"no label for {item.name} by {labels!r}" + (f": {fault}" if fault else "")
             raise ConfigError(cause, remedy=remedy, code="E_LABELS")
@@ -156,24 +171,6 @@ def _accented(letter: str) -> bool:
     return not letter.isascii() and (cased or bool(unicodedata.combining(letter)))
 
 
-LEVEL = re.compile(r"folder(?::(-?\d+))?")
-"""``folder``, or ``folder:`` and a level."""
-# Folders that are parts of a data set.
-_PARTS = frozenset(
-    "train training trn val valid validation dev eval evaluation test testing tst holdout".split()
-)
-# What people are called in front of their number.
-_PEOPLE = frozenset(
-    "s sub subj subject p person people u user a actor participant signer performer id".split()
-)
-_NUMBER = re.compile(r"[\d\W_]+")
-# Of the folders that lie in any of the folders above, each of these holds this share on average: the same.
-_ALIKE = 0.5
-_SHOWN = 4
-
-Folders = tuple[str, ...]
-
-
 class FolderLabels:
     """The label of an input, by a folder that it lies in.
 
@@ -202,7 +199,7 @@ class FolderLabels:
         if self._are_roots:
             self._check_roots()
         elif self._level is None:
-            self._check([item for item in items if item.kind in ("video", "keypoints")])
+            self._check([item for item in items if item.readable])
 
     def __call__(self, item: Input) -> str | None:
         if self._level is not None and self._level < 0:
@@ -308,7 +305,7 @@ def _are_labels(items: Sequence[Input], roots: Sequence[Path]) -> bool:
     """Whether the roots are folders of clips side by side."""
     if len(roots) < 2 or len({root.absolute().parent for root in roots}) > 1:
         return False
-    clips = [item for item in items if item.kind in ("video", "keypoints")]
+    clips = [item for item in items if item.readable]
     return bool(clips) and all(item.path.parent in roots for item in clips)
 
 

@@ -184,16 +184,12 @@ class _Run:
         """Extract, compare, commit, until nothing waits."""
         plan = self.plan
         for item in plan.waiting:
-            if item.kind in ("other", "broken"):
+            if not item.readable:
                 self._commit(item, [unread_row(item, plan.fingerprint)])
-        readable = [item for item in plan.waiting if item.kind in ("video", "keypoints")]
+        readable = [item for item in plan.waiting if item.readable]
         if not readable:
             return
-        examples = [
-            item
-            for item in plan.examples
-            if item.kind in ("video", "keypoints") and item.key not in plan.contradictions
-        ]
+        examples = [item for item in plan.examples if item.readable and item.key not in plan.contradictions]
         self._look_ahead(readable, examples)
         with OpenEngine(
             plan.settings,

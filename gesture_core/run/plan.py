@@ -35,34 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What a run is to do.
-
-    Attributes
-    ----------
-    sources : tuple of str
-        Files, folders, globs or manifests.
-    out : Path
-        The run folder.
-    settings : Settings
-    examples : tuple of str
-        Sources of the examples; empty to extract keypoints only.
-    labels : str
-        How examples get their labels, see `labels.label_inputs`.
-    workers : int
-        Worker processes; 0 for one for each core.
-    engine : str
-        Name of an execution engine.
-    retry_errors : bool
-        Try inputs again whose row is an error.
-    label_columns : str
-        Headings of path and label in a table of labels.
-    overwrite : bool
-        Forget the rows of a run that was made with other settings.
-    spot : bool
-        Look for the examples in long recordings, instead of comparing them with whole inputs.
-    shard : str
-        ``K/N``: only the K-th of N parts of the inputs, see `shards.Shard`; empty for all of them.
-    """
+    """What a run is to do: the parameters of `archive.classify_archive`; without examples, extract only."""
 
     sources: tuple[str, ...]
     out: Path
@@ -140,7 +113,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         settings (E_CONFIG_CHANGED). The results are as they were.
     """
     settings, shard = request.settings, Shard.parse(request.shard)
-    registry().find("engine", request.engine)
+    registry().load("engine", request.engine)
     found = discover(request.sources, avoid=request.out, assistant=assistant)
     if not found:
         raise InputError(
@@ -249,7 +222,7 @@ def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:
 
 def _stamped(item: Input) -> Input:
     """With the file's stamp; without one, where it cannot be looked at, it never counts as known."""
-    if item.address:  # listed with it
+    if item.stamp:  # it was found with it
         return item
     with suppress(OSError):
         return replace(item, stamp=stamp(item.path))

@@ -130,6 +130,10 @@ class Extracted:
         people = tuple(Seen._make([*facts, tuple(box)]) for *facts, box in tree["people"])
         return cls(**{**tree, "notes": tuple(tree["notes"]), "people": people})
 
+    def error(self, name: str) -> GestureError:
+        """Why there are no keypoints of the input, which is called ``name``."""
+        return GestureError(self.message, subject=name, code=self.code)
+
     def failed(self, error: GestureError) -> Extracted:
         """The same input without keypoints: ``error`` is why, without a subject, which the row names."""
         return replace(self, stored="", code=error.code, message=error.reason)

@@ -26,6 +26,8 @@ _MORE_LABELS = frozenset(
     "labels class class_name classname gesture gesture_name sign gloss category action activity".split()
 )
 _MARKS = ",;\t|"
+_DRIVE = re.compile(r"[A-Za-z]:[\\/]")
+Parts = tuple[str, ...]
 
 
 def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
@@ -193,11 +195,6 @@ def _text(cell: str) -> str:
     """A label; a UnicodeError where it is in another encoding, in which a name of a file may well be."""
     cell.encode("utf-8")
     return cell.strip()
-
-
-_DRIVE = re.compile(r"[A-Za-z]:[\\/]")
-
-Parts = tuple[str, ...]
 
 
 class LabelTable:

@@ -20,11 +20,11 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-from gesture_core.errors import Code, ConfigError, GestureError, InputError
+from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable
 from gesture_core.pose.models import choose_pose, described
 from gesture_core.run.archive import Sources, as_strings, with_changes
-from gesture_core.run.extract import Listener, people_of
+from gesture_core.run.extract import Listener, first_person, people_of
 from gesture_core.run.inputs import discover
 from gesture_core.run.labels import label_inputs
 from gesture_core.settings import Settings
@@ -41,6 +41,11 @@ from gesture_core.spot.sources import (
 from gesture_core.spot.spotter import Spotter
 from gesture_core.spot.watch import Seen, Watch, WatchSummary
 from gesture_core.types import Event, PoseSequence
+
+_ROOM = 100
+_SECONDS = 5.0
+_WAITS = (0.5, 2.0)
+"""Seconds before a second and a third attempt."""
 
 
 def watch(
@@ -178,12 +183,7 @@ def source_of(
         raise InputError(
             item.fault, subject=item.name, remedy=item.remedy or "a video", code=item.code or "E_SOURCE"
         )
-    _, found, people = next(iter(people_of([item], settings, workers=1)))
-    if found.code:
-        raise GestureError(found.message, subject=item.name, code=found.code)
-    if not people:
-        raise InputError("nobody is in it", subject=item.name, code=str(Code.NO_PERSON))
-    return Keypoints(people[0], as_live)
+    return Keypoints(first_person(item, settings)[1], as_live)
 
 
 def fit_spotter(
@@ -239,12 +239,6 @@ def fit_spotter(
     if spotter.examples.note:
         warnings.warn(spotter.examples.note, stacklevel=2)
     return spotter
-
-
-_ROOM = 100
-_SECONDS = 5.0
-_WAITS = (0.5, 2.0)
-"""Seconds before a second and a third attempt."""
 
 
 class _Here(urllib.request.HTTPRedirectHandler):

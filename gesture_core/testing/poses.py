@@ -38,8 +38,7 @@ class PoseCheck(Protocol):
 def draw_frames(count: int = 3) -> list[np.ndarray]:
     """Pictures of a drawn person who waves, 320 x 240 pixels."""
     from gesture_core.demo.drawing import backdrop_of, draw
-    from gesture_core.demo.figure import joints, random_body
-    from gesture_core.demo.motions import GESTURES, Style
+    from gesture_core.demo.figure import GESTURES, Style, joints, random_body
 
     rng = np.random.default_rng(0)
     body = random_body(rng, (320, 240))

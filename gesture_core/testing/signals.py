@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gesture_core.demo.figure import joints, random_body
-from gesture_core.demo.motions import GESTURES, Style
+from gesture_core.demo.figure import GESTURES, Style, joints, random_body
 from gesture_core.errors import SignalError
 from gesture_core.plugin.interfaces import Filter, NeedsDepth, Normalizer, Selector
 from gesture_core.signals.chain import CHANNELS

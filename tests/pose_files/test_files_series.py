@@ -65,7 +65,7 @@ def test_the_same_table_in_every_form(tmp_path: Path) -> None:
 def test_dates_and_columns_of_other_names_are_times(tmp_path: Path) -> None:
     text = "when,force\n2024-05-01T12:00:00.000Z,1\n2024-05-01T12:00:00.250Z,2\n2024-05-01T12:00:00.500Z,4\n"
     one = read(written(tmp_path, text), time="when")
-    np.testing.assert_allclose(one.times, [0, 0.25, 0.5])
+    np.testing.assert_allclose(one.times, [0, 0.25, 0.5], atol=1e-6)
     assert one.channels == ("force",)
     ticks = read(written(tmp_path, "n,force\n0,1\n100,2\n200,4\n"), time="n", per_second=1000.0)
     np.testing.assert_allclose(ticks.times, [0, 0.1, 0.2])
@@ -115,3 +115,33 @@ def test_a_set_of_the_uea_archive_is_read_whole() -> None:
     members = registry().make("reader", "series", options=ReadOptions()).members(path)
     assert len(members) == 270 and members[0] == "1/001"
     assert read(path, members[0]).values.shape == (20, 12)
+
+
+def stream(folder: Path, name: str, start: float, rate: float, columns: str, shift: float = 0.0) -> None:
+    times = start + np.arange(40) / rate
+    values = [np.sin(times + shift) for _ in columns.split(",")]
+    np.savetxt(
+        folder / f"{name}.csv", np.stack([times, *values], axis=1), "%.6f", ",",
+        header=f"time,{columns}", comments="",
+    )  # fmt: skip
+
+
+def test_streams_of_one_folder_are_one_recording_in_step(tmp_path: Path) -> None:
+    clip = tmp_path / "clip"
+    clip.mkdir()
+    stream(clip, "imu", 100.0, 50.0, "acc_x,acc_y")
+    stream(clip, "glove", 100.2, 20.0, "bend")
+    reader = registry().make("reader", "series", {"streams": ["imu", "glove"]}, options=ReadOptions())
+    assert reader.accepts(clip) and not reader.accepts(clip / "imu.csv")
+    (one,) = reader.read(clip)
+    assert one.channels == ("imu_acc/x", "imu_acc/y", "glove/bend")
+    assert len(one) == 30 and one.times[0] == 0
+    np.testing.assert_allclose(one.values[:, 2], np.sin(100.2 + one.times), atol=1e-3)
+    np.testing.assert_allclose(one.values[:, 0], np.sin(100.2 + one.times), atol=1e-5)
+    assert not registry().make("reader", "series", options=ReadOptions()).accepts(clip)
+    stream(clip, "glove", 200.0, 20.0, "bend")
+    with pytest.raises(GestureError, match="no time in common"):
+        reader.read(clip)
+    np.savetxt(clip / "glove.csv", np.ones((9, 1)), header="bend", comments="")
+    with pytest.raises(GestureError, match="glove has no times"):
+        reader.read(clip)

@@ -77,6 +77,15 @@ def test_the_preset_says_what_a_table_is(logs: Path, tmp_path: Path) -> None:
     assert row.status == "skipped" and "no series of channels" in row.message
 
 
+def test_dead_channels_are_noted(logs: Path) -> None:
+    table = imu("turn", 7)
+    table[:, 1], table[:, 3] = np.nan, 2.0
+    write(logs / "imu" / "a.csv", table)
+    rows = classify_archive(logs / "imu", logs / "examples", None, "sensors", engine="inline").rows()
+    assert rows[0].note == "holds no value in acc/x[g]; holds one value alone in acc/z[g]"
+    assert rows[0].label == "turn" and "acc/x[g]" not in rows[0].selected
+
+
 def test_columns_in_another_order_are_the_same_channels(logs: Path) -> None:
     table = imu("turn", 7)[:, [3, 0, 2, 1]]
     write(logs / "imu" / "a.csv", table, "acc_z [g],time,acc_y [g],acc_x [g]")

@@ -144,7 +144,12 @@ class RayEngine:
         known: dict[str, Any] = {"runtime_env": {"py_modules": modules}} if modules else {}
         known |= {"address": self.address} if self.address else {"num_cpus": self.workers, "address": "local"}
         try:
-            ray.init(log_to_driver=False, include_dashboard=None if self.address else False, **known)
+            ray.init(
+                log_to_driver=False,
+                logging_level=logging.WARNING,
+                include_dashboard=None if self.address else False,
+                **known,
+            )
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise PluginError(
                 f"no Ray cluster at {self.address or 'this machine'}: {error}",

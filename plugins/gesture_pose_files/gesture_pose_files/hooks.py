@@ -70,5 +70,6 @@ def register_keypoint_readers(register: Register) -> None:
         "gesture_pose_files.series:SeriesReader",
         summary="channels of sensors: CSV, Parquet, .npy, .npz; .ts, .arff and .tsv of UCR and UEA",
         suffixes=(".csv", ".tsv", ".parquet", ".npy", ".npz", ".ts", ".arff"),
+        folders=True,
         channels=True,
     )

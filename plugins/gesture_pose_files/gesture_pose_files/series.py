@@ -20,10 +20,16 @@ from gesture_pose_files.npy import MAX_FILE_BYTES, read_array
 from gesture_pose_files.npz import array_in, members_of, opened
 from gesture_pose_files.reader import clip_called
 from gesture_pose_files.series_archives import Series, is_archive, series_in
+from gesture_pose_files.series_streams import BEGAN, files_of, in_step
 from gesture_pose_files.table import number_in, numbers_of, rows_of, split_header
 
 _LOOKED_AT = 20
+_STILL = 10
+"""Samples of one value from which on a channel is noted as never changing."""
+_SHOWN = 5
 _MOST_CELLS = 1 << 28
+SUFFIXES = (".csv", ".tsv", ".parquet", ".npy", ".npz", ".ts", ".arff")
+"""Of the files that are read."""
 _MAGIC = {".parquet": b"PAR1", ".npy": b"\x93NUMPY", ".npz": b"PK"}
 _STORED = "channel "
 """Before the names of channels in a file that ``gesture extract`` wrote."""
@@ -51,12 +57,15 @@ class SeriesReader:
         Units of that column in a second; 0 where its name says it, or they are seconds.
     groups : mapping
         The group of a channel by the name of its column, where that does not say it.
+    streams : sequence of str
+        A folder that holds a file of each of these names is one recording of several devices in step.
     """
 
     options: ReadOptions = field(default_factory=ReadOptions)
     time: str = ""
     per_second: float = 0.0
     groups: Mapping[str, str] = field(default_factory=dict)
+    streams: Sequence[str] = ()
     _known: dict[tuple[Path, int, int], dict[str, Series]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -66,10 +75,16 @@ class SeriesReader:
             raise ValueError(f"per_second {self.per_second} is negative")
         if not isinstance(self.groups, Mapping):
             raise TypeError(f"groups {self.groups!r} are no table of columns and groups")
+        if isinstance(self.streams, str) or not all(isinstance(name, str) for name in self.streams):
+            raise TypeError(f"streams {self.streams!r} are no list of names")
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` holds series, by its name and first bytes."""
         suffix = path.suffix.lower()
+        if path.is_dir():
+            return bool(files_of(path, self.streams, SUFFIXES))
+        if path.stem in self.streams and files_of(path.parent, self.streams, SUFFIXES):
+            return False  # it is a part of its folder
         if is_archive(path):
             return bool(head_of(path, 1))
         if suffix in _MAGIC:
@@ -104,6 +119,12 @@ class SeriesReader:
     def read(self, path: Path, member: str = "") -> list[Recording]:
         """The recording."""
         source = printable(path)
+        if path.is_dir() and not member:
+            files = files_of(path, self.streams, SUFFIXES)
+            if not files:
+                cause = f"holds no file for each of {', '.join(self.streams) or 'no streams'}"
+                raise KeypointError(cause, subject=source, code="E_KEYPOINTS_FORMAT")
+            return [in_step({name: self.read(file)[0] for name, file in files.items()}, source)]
         if is_archive(path):
             one = clip_called(member, self._archive(path), path, "series")
             return [self._recording(one.values, numbered(one.values.shape[1]), None, source)]
@@ -155,7 +176,10 @@ class SeriesReader:
             if np.isnan(given).any():
                 row = int(np.isnan(given).argmax()) + 1
                 raise KeypointError(f"has no time in row {row}", subject=source, code="E_KEYPOINTS_TIMES")
-            times = seconds(given, self.per_second or time_scale(name) or 1.0, source)
+            scale = self.per_second or time_scale(name) or 1.0
+            times = seconds(given, scale, source)
+            provenance[BEGAN] = repr(float(given[0]) / scale)
+        notes = [*notes, *_odd(values, channels)]
         if notes:
             provenance["notes"] = "; ".join(notes)
         return Recording(values, times, channels, source, provenance)
@@ -278,6 +302,19 @@ class SeriesReader:
             columns.pop("person", None)
         left_out = [name for name in kinds if name.removeprefix(_STORED) not in columns and name != "person"]
         return self._table(columns, source, left_out, True)
+
+
+def _odd(values: np.ndarray, channels: Sequence[str]) -> list[str]:
+    """Clauses about channels that hold nothing, or one value all the time, as those of a dead sensor do."""
+    there = np.isfinite(values)
+    low, high = np.where(there, values, np.inf).min(axis=0), np.where(there, values, -np.inf).max(axis=0)
+    dead = (low == high) & (there.sum(axis=0) >= _STILL)
+    said = (("holds no value in", ~there.any(axis=0)), ("holds one value alone in", dead))
+    return [
+        f"{what} {', '.join(np.array(channels)[which][:_SHOWN])}" + (", …" if which.sum() > _SHOWN else "")
+        for what, which in said
+        if which.any()
+    ]
 
 
 def _dates(cells: Sequence[str], source: str) -> np.ndarray:
