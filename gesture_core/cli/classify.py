@@ -58,7 +58,7 @@ def classify(
     label_columns
         With a CSV file: its headings of path and label, such as filename,class; 1,2 where it has none.
     """
-    asked = {"examples": examples, "labels": labels, "label_columns": label_columns}
+    asked: dict[str, Any] = {"examples": examples, "labels": labels, "label_columns": label_columns}
     return _execute(sources, out, flags, run, **asked)
 
 
