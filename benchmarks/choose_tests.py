@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from datasets import PAPER_EXAMPLES
 
+from gesture_core.classify.classifiers import learn
 from gesture_core.classify.decision import votes_of
-from gesture_core.classify.learning import learn, medoids
+from gesture_core.classify.learning import medoids
 from gesture_core.settings import load_settings
 
 
@@ -40,7 +40,7 @@ def _right(
     labels: np.ndarray, distances: np.ndarray, queries: np.ndarray, examples: np.ndarray
 ) -> list[bool]:
     classes, codes = np.unique(labels, return_inverse=True)
-    chosen, own = replace(load_settings("modern").classify, landmarks=len(labels)), codes[examples]
-    weights = learn(own, len(classes), chosen, distances[np.ix_(examples, examples)])[2]
-    votes = votes_of(distances[np.ix_(queries, examples)], own, len(classes), chosen.neighbors, weights)
+    settings = load_settings("modern", classify__classifier="weighed", classify__landmarks=len(labels))
+    fitted = learn(settings, (), codes[examples], len(classes), distances[np.ix_(examples, examples)])[2]
+    votes = votes_of(fitted, distances[np.ix_(queries, examples)])
     return list((votes.winners >= 0) & (classes[votes.winners] == labels[queries]))

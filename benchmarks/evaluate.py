@@ -26,9 +26,9 @@ from datasets import (
 )
 from videos import with_videos
 
+from gesture_core.classify.classifiers import learn
 from gesture_core.classify.decision import votes_of
 from gesture_core.classify.evaluation import Compared, Labelled, answer, compare_all
-from gesture_core.classify.learning import learn
 from gesture_core.classify.scores import Evaluation, wilson
 from gesture_core.errors import GestureError
 from gesture_core.settings import Settings, load_settings
@@ -61,6 +61,7 @@ def part(compared: Compared, kept: Sequence[bool]) -> Compared:
         np.array([positions[int(i)] for i in compared.usable[rows]]),
         compared.within[np.ix_(rows, rows)],
         {positions[i]: e for i, e in compared.errors.items() if chosen[i]},
+        series=compared.of(np.flatnonzero(rows)),
     )
 
 
@@ -87,10 +88,10 @@ def authors_examples(compared: Compared) -> str:
     examples = np.array([names.index(name) for name in PAPER_EXAMPLES])
     queries = [i for i, name in enumerate(names) if "_s1_" not in name]
     classes, codes = np.unique(labels, return_inverse=True)
-    chosen, own = compared.settings.classify, codes[examples]
-    weights = learn(own, len(classes), chosen, compared.within[np.ix_(examples, examples)])[2]
+    among = compared.within[np.ix_(examples, examples)]
+    fitted = learn(compared.settings, compared.of(examples), codes[examples], len(classes), among)[2]
     block = compared.within[np.ix_(queries, examples)]
-    votes = votes_of(block, own, len(classes), chosen.neighbors, weights)
+    votes = votes_of(fitted, block, compared.of(np.array(queries)))
     right = int((classes[votes.winners] == labels[queries]).sum())
     return counted(right, sum(s != "s1" for s in compared.data.subjects))
 

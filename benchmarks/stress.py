@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 from datasets import ROOT, Item, arguments, body_gesture, utd_openpose
 
+from gesture_core.classify.classifiers import Fitted, learn
 from gesture_core.classify.comparison import compare
 from gesture_core.classify.decision import votes_of
-from gesture_core.classify.learning import ExampleWeights, learn
 from gesture_core.colours import BLUE, GREEN, GREY, ORANGE
 from gesture_core.errors import GestureError
 from gesture_core.report.style import new_figure, save
@@ -227,7 +227,7 @@ def accuracies(
     codes = np.unique([item.label for item in items], return_inverse=True)[1]
     subjects = np.array([item.subject for item in items])
     within = compare(examples, examples, settings)
-    whole = _weights(within, codes, subjects, settings)
+    whole = _fitted(within, examples, codes, subjects, settings)
     out: dict[str, list[float]] = {}
     for stress in stresses:
         for strength in stress.strengths:
@@ -246,31 +246,30 @@ def accuracies(
             kept = np.array(places, np.int64)
             if both:
                 distances = compare(queries, queries, settings)
-                weights = _weights(distances, codes[kept], subjects[kept], settings)
-                right = recognised(
-                    distances, np.arange(len(kept)), codes[kept], subjects[kept], settings, weights
-                )
+                fitted = _fitted(distances, queries, codes[kept], subjects[kept], settings)
+                every = np.arange(len(kept))
+                right = recognised(distances, queries, every, codes[kept], subjects[kept], fitted)
             else:
                 distances = within[kept]
                 other = [i for i, place in enumerate(kept) if not _equal(queries[i], examples[place])]
                 if other:
                     distances[other] = compare([queries[i] for i in other], examples, settings)
-                right = recognised(distances, kept, codes, subjects, settings, whole)
+                right = recognised(distances, queries, kept, codes, subjects, whole)
             out.setdefault(stress.name, []).append(right / len(items))
             print(f"{stress.name} {strength:g}: {100 * right / len(items):.1f}", file=sys.stderr, flush=True)
     return out
 
 
-def _weights(
-    within: np.ndarray, codes: np.ndarray, subjects: np.ndarray, settings: Settings
-) -> dict[str, ExampleWeights | None]:
+def _fitted(
+    within: np.ndarray, series: list[Signals], codes: np.ndarray, subjects: np.ndarray, settings: Settings
+) -> dict[str, Fitted]:
     """What is learned for each subject from the examples of all others."""
-    weights = {}
+    found = {}
     for who in np.unique(subjects):
         others = np.flatnonzero(subjects != who)
-        among = within[np.ix_(others, others)]
-        weights[str(who)] = learn(codes[others], int(codes.max()) + 1, settings.classify, among)[2]
-    return weights
+        among, known = within[np.ix_(others, others)], [series[i] for i in others]
+        found[str(who)] = learn(settings, known, codes[others], int(codes.max()) + 1, among)[2]
+    return found
 
 
 def _equal(one: Signals, other: Signals) -> bool:
@@ -279,23 +278,22 @@ def _equal(one: Signals, other: Signals) -> bool:
 
 def recognised(
     distances: np.ndarray,
+    queries: list[Signals],
     places: np.ndarray,
     codes: np.ndarray,
     subjects: np.ndarray,
-    settings: Settings,
-    weights: dict[str, ExampleWeights | None],
+    fitted: dict[str, Fitted],
 ) -> int:
     """How many queries are recognised by the examples of the other subjects.
 
-    ``distances`` is (Q, N), ``places`` says which of the N items each query is, ``weights``
-    those of the examples of all others for each subject.
+    ``distances`` is (Q, N), ``places`` says which of the N items each query is, ``fitted`` is what was
+    learned from the examples of all others for each subject.
     """
     right = 0
-    for who, learned in weights.items():
+    for who, learned in fitted.items():
         others = np.flatnonzero(subjects != who)
         own = np.flatnonzero(subjects[places] == who)
-        block = distances[np.ix_(own, others)]
-        votes = votes_of(block, codes[others], int(codes.max()) + 1, settings.classify.neighbors, learned)
+        votes = votes_of(learned, distances[np.ix_(own, others)], [queries[i] for i in own])
         right += int((votes.winners == codes[places[own]]).sum())
     return right
 

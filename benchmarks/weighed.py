@@ -1,4 +1,4 @@
-"""All examples deciding against the nearest one on public sets that the constants were not chosen on.
+"""The classifiers on public sets that no constant was chosen on.
 
     python benchmarks/weighed.py [SHARED]
 
@@ -15,26 +15,30 @@ import numpy as np
 from environment import header
 from published import HERE, SPECS, UNIVARIATE, WINDOWS, read
 
+from gesture_core.classify.classifiers import Fitted
 from gesture_core.classify.decision import votes_of
-from gesture_core.classify.learning import learn_weights
 from gesture_core.dtw.distances import warping_distances
-from gesture_core.settings import ClassifySettings
+from gesture_core.settings import load_settings
 
 SETS = [("UCR", name) for name in WINDOWS]
+CLASSIFIERS = ("nearest", "weighed", "rocket", "blend")
 SETS += [("UEA", name) for name in ("BasicMotions", "JapaneseVowels", "Libras", "NATOPS")]
 
 
-def accuracies(archive: str, name: str, data: Path) -> tuple[float, float]:
-    """Accuracy by the nearest example and by all of them."""
+def accuracies(archive: str, name: str, data: Path) -> list[float]:
+    """Accuracy of each classifier."""
     train, known, test, wanted = read(archive, name, data)
     spec = UNIVARIATE if archive == "UCR" else SPECS["accuracy_dtw_d"]
     classes, codes = np.unique(known, return_inverse=True)
-    distances, chosen = warping_distances(test, train, spec), ClassifySettings()
+    distances = warping_distances(test, train, spec)
     within = warping_distances(train, train, spec)
-    weights = learn_weights(within, codes, len(classes), chosen.sharpness, chosen.shrinkage)
-    nearest = votes_of(distances, codes, len(classes))
-    every = votes_of(distances, codes, len(classes), 0, weights)
-    return tuple(float((classes[votes.winners] == wanted).mean()) for votes in (nearest, every))
+    found = []
+    for classifier in CLASSIFIERS:
+        settings = load_settings("paper", classify__classifier=classifier)
+        fitted = Fitted.fit(settings, list(train), codes, len(classes), within)
+        winners = votes_of(fitted, distances, list(test)).winners
+        found.append(float((classes[winners] == wanted).mean()))
+    return found
 
 
 def main() -> None:
@@ -46,10 +50,10 @@ def main() -> None:
     if not data.is_dir():
         print(f"skipped: no data at {data}")
         return
-    print("| set | nearest | all decide |\n|---|---|---|")
+    print(f"| set | {' | '.join(CLASSIFIERS)} |\n|---{'|---' * len(CLASSIFIERS)}|")
     for archive, name in SETS:
-        nearest, every = accuracies(archive, name, data)
-        print(f"| {name} | {100 * nearest:.1f} % | {100 * every:.1f} % |", flush=True)
+        shares = [f"{100 * share:.1f} %" for share in accuracies(archive, name, data)]
+        print(f"| {name} | {' | '.join(shares)} |", flush=True)
 
 
 if __name__ == "__main__":

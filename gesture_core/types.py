@@ -66,6 +66,8 @@ class Person:
         head of the circle around it that all of the body can reach.
     others : int
         How many more people the network saw in the picture, where only this one was asked for.
+    depth : (J,) float array, optional
+        As in `PoseSequence`.
     """
 
     keypoints: np.ndarray
@@ -74,6 +76,7 @@ class Person:
     presence: float = 1.0
     region: np.ndarray | None = None
     others: int = 0
+    depth: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +102,9 @@ class PoseSequence:
         The input, as the user named it.
     provenance : mapping
         What made the keypoints: backend, model hash, reader.
+    depth : (T, J) float32, optional
+        How far each joint is behind the middle of the hips, in the unit of the keypoints, where a network
+        says so and the keypoints are in the plane; NaN where the joint is missing.
     """
 
     keypoints: np.ndarray
@@ -109,6 +115,7 @@ class PoseSequence:
     person: int = 0
     source: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
+    depth: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         points = _single(self.keypoints)
@@ -127,7 +134,14 @@ class PoseSequence:
                 subject=self.source,
                 code="E_KEYPOINTS_SHAPE",
             )
-        if np.isinf(points).any():
+        depth = None if self.depth is None else _single(self.depth)
+        if depth is not None and (depth.shape != (frames, joints) or points.shape[2] == 3):
+            raise KeypointError(
+                f"depth {depth.shape} does not fit keypoints of shape {points.shape}",
+                subject=self.source,
+                code="E_KEYPOINTS_SHAPE",
+            )
+        if np.isinf(points).any() or (depth is not None and np.isinf(depth).any()):
             raise KeypointError("a coordinate is infinite", subject=self.source, code="E_KEYPOINTS_VALUE")
         times = _filled(self.times).astype(np.float64)
         if not _ascending(times):
@@ -140,9 +154,17 @@ class PoseSequence:
         object.__setattr__(self, "keypoints", _frozen(points, np.float32))
         object.__setattr__(self, "scores", _frozen(np.clip(scores, 0, 1), np.float32))
         object.__setattr__(self, "times", _frozen(times, np.float64))
+        if depth is not None:
+            object.__setattr__(self, "depth", _frozen(np.where(missing, np.nan, depth), np.float32))
 
     def __len__(self) -> int:
         return len(self.times)
+
+    def part(self, frames: slice | np.ndarray) -> PoseSequence:
+        """The same sequence, of these frames alone."""
+        depth = None if self.depth is None else self.depth[frames]
+        points, scores, times = self.keypoints[frames], self.scores[frames], self.times[frames]
+        return replace(self, keypoints=points, scores=scores, times=times, depth=depth)
 
     def __repr__(self) -> str:
         span = self.times[-1] - self.times[0] if len(self) else 0.0
@@ -178,6 +200,14 @@ class PoseSequence:
         """The same sequence in the plane (itself where it already is)."""
         return self if self.keypoints.shape[2] == 2 else replace(self, keypoints=self.keypoints[..., :2])
 
+    @property
+    def solid(self) -> PoseSequence:
+        """The same sequence with `depth` as its third coordinate (itself where it has no depth)."""
+        if self.depth is None:
+            return self
+        points = np.concatenate([self.keypoints, self.depth[..., None]], axis=2)
+        return replace(self, keypoints=points, depth=None)
+
     def as_coco18(self) -> PoseSequence:
         """The same sequence in the canonical body (itself where it already is)."""
         return self.onto(COCO18.name)
@@ -186,16 +216,13 @@ class PoseSequence:
         """The same sequence in the skeleton called ``name`` (itself where it already is)."""
         if self.skeleton == name:
             return self
-        points, scores = mapped(self.keypoints, self.scores, skeleton(self.skeleton), skeleton(name))
-        return PoseSequence(
-            points,
-            scores,
-            self.times,
-            name,
-            self.frame_size,
-            self.person,
-            self.source,
-            {**self.provenance, "source_skeleton": self.skeleton},
+        own, target, depth = skeleton(self.skeleton), skeleton(name), self.depth
+        points, scores = mapped(self.keypoints, self.scores, own, target)
+        if depth is not None:
+            depth = mapped(depth, self.scores, own, target)[0]
+        provenance = {**self.provenance, "source_skeleton": self.skeleton}
+        return replace(
+            self, keypoints=points, scores=scores, skeleton=name, provenance=provenance, depth=depth
         )
 
 

@@ -134,9 +134,11 @@ def test_the_plugins_of_the_chain_are_one_list() -> None:
         ("filter", "resample"),
         ("filter", "parts"),
         ("filter", "parts:spot"),
+        ("classifier", "weighed"),
     ]
     twice = load("filters=gaussian,gaussian:wide", "kernel=numpy").plugins()
-    assert twice[2:] == [("filter", "gaussian"), ("filter", "gaussian:wide"), ("kernel", "numpy")]
+    filters = [("filter", "gaussian"), ("filter", "gaussian:wide")]
+    assert twice[2:] == [*filters, ("kernel", "numpy"), ("classifier", "nearest")]
 
 
 def test_an_option_of_a_plugin_that_takes_no_part_is_refused_by_those_who_ask() -> None:

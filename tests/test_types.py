@@ -44,7 +44,7 @@ def test_the_callers_array_stays_writable_and_apart() -> None:
     ("points", "scores", "times", "code"),
     [
         (np.ones((2, 17, 2)), np.ones((2, 17)), [0, 1], "E_KEYPOINTS_SHAPE"),
-        (np.ones((2, 18, 3)), np.ones((2, 18)), [0, 1], "E_KEYPOINTS_SHAPE"),
+        (np.ones((2, 18, 4)), np.ones((2, 18)), [0, 1], "E_KEYPOINTS_SHAPE"),
         (np.ones((2, 18, 2)), np.ones((3, 18)), [0, 1], "E_KEYPOINTS_SHAPE"),
         (np.ones((2, 18, 2)), np.ones((2, 18)), [0], "E_KEYPOINTS_SHAPE"),
         (np.full((2, 18, 2), np.inf), np.ones((2, 18)), [0, 1], "E_KEYPOINTS_VALUE"),
@@ -57,6 +57,27 @@ def test_malformed_keypoints_are_refused(points, scores, times, code) -> None:  
         PoseSequence(points, scores, times, source="clip")
     assert caught.value.code == code
     assert "clip" in str(caught.value)
+
+
+def test_depth_follows_its_joints() -> None:
+    points = np.random.default_rng(0).uniform(0, 9, (4, 33, 2))
+    points[1, 3] = np.nan
+    depth = np.arange(4 * 33, dtype=float).reshape(4, 33)
+    pose = PoseSequence(points, np.ones((4, 33)), np.arange(4.0), "blazepose33", depth=depth)
+    assert pose.depth is not None and np.isnan(pose.depth[1, 3]) and pose.depth[2, 3] == 69
+    part = pose.part(slice(2, 4))
+    assert len(part) == 2 and part.depth is not None and part.depth[0, 3] == 69
+    body = pose.as_coco18()
+    assert body.depth is not None
+    wrist = BLAZEPOSE33.index("left_wrist")
+    np.testing.assert_array_equal(body.depth[:, COCO18.index("left_wrist")], depth[:, wrist])
+    shoulders = [BLAZEPOSE33.index(f"{side}_shoulder") for side in ("left", "right")]
+    np.testing.assert_array_equal(body.depth[:, COCO18.index("neck")], depth[:, shoulders].mean(axis=1))
+    solid = pose.solid
+    assert solid.depth is None and solid.keypoints.shape == (4, 33, 3) and solid.keypoints[2, 3, 2] == 69
+    np.testing.assert_array_equal(solid.flat.keypoints, pose.keypoints)
+    with pytest.raises(KeypointError, match=r"E_KEYPOINTS_SHAPE.*depth"):
+        PoseSequence(points, np.ones((4, 33)), np.arange(4.0), "blazepose33", depth=depth[:3])
 
 
 def test_an_unknown_skeleton_lists_the_known_ones() -> None:

@@ -8,12 +8,12 @@ from numbers import Integral
 
 import numpy as np
 
+from gesture_core.classify.classifiers import Fitted, left_out, nearest_of
 from gesture_core.classify.comparison import is_still
 from gesture_core.classify.examples import ExampleLibrary
-from gesture_core.classify.learning import ExampleWeights, learn_weights
 from gesture_core.errors import ConfigError, InputError
+from gesture_core.plugin.registry import calling
 from gesture_core.records import Prediction
-from gesture_core.settings import ClassifySettings
 from gesture_core.types import Neighbors, Signals, Status
 
 # Scores are sums in an order that a library's blocking may change; what is shown is rounded to hide it,
@@ -24,8 +24,6 @@ _EQUAL = 1e-9
 _NAMED = 3
 _GRID = np.geomspace(1e-3, 1e3, 181)
 """Temperatures that are tried, in units of the usual lead of the best score."""
-_MOST = 200
-"""Times that examples are left out; of more examples, several are left out together."""
 _LEAST = 1e-12
 # Share of frames with a repaired joint from which on a prediction says so.
 _MANY = 0.1
@@ -46,7 +44,7 @@ _NOTHING_TO_COMPARE: Mapping[str, tuple[Status, str]] = {
 
 @dataclass(frozen=True, eq=False)
 class Votes:
-    """Which class wins each query, by the vote of its neighbours or by the weights of all examples.
+    """Which class wins each query, by the scores of a classifier or by the vote of the nearest examples.
 
     Attributes
     ----------
@@ -55,16 +53,14 @@ class Votes:
     distances : (Q,) float
         To the nearest example of the winning class.
     margins : (Q,) float
-        Distance to the nearest example of any other class minus ``distances``: infinite where no
-        other class can be compared, negative where a vote of several neighbours overruled the
-        nearest one. With weights, the lead of the winner's score over the next.
+        The lead of the winner's score over the next. Where neighbours vote, the distance to the nearest
+        example of any other class minus ``distances``: negative where a vote of several overruled the
+        nearest one. Infinite where no other class can be compared.
     order : (Q, C) int64
         The classes, best first; those that cannot be compared come last.
     scores : (Q, C) float
-        Of each class, highest for the winner: with weights the sum of what all examples add, about 1 for the
-        right class and 0 for others; of the nearest example alone, minus the distance to the nearest one of
-        each class; of several, the votes of a class, less d / (1 + d) of that distance. Minus infinity
-        where no example of a class can be compared with the query.
+        Of each class, as its classifier gives them, highest for the winner. Minus infinity where no example
+        of a class can be compared with the query.
     chances : (Q,) float, optional
         Probability that the winner is right, if the query is one of the classes at all.
     """
@@ -77,68 +73,42 @@ class Votes:
     chances: np.ndarray | None = None
 
 
-def votes_of(
-    distances: np.ndarray,
-    codes: np.ndarray,
-    classes: int,
-    k: int = 1,
-    weights: ExampleWeights | None = None,
-    temperature: float | None = None,
-) -> Votes:
-    """The class with the highest score under ``weights``, or the majority of the ``k`` nearest examples.
+def votes_of(fitted: Fitted, distances: np.ndarray, queries: Sequence[Signals | np.ndarray] = ()) -> Votes:
+    """The class with the highest score, or the majority of the nearest examples.
 
-    In both, and in a vote (Cover and Hart 1967), what is equal goes to the class whose nearest example is
-    nearer, then to the one whose nearest example comes first. Examples at an infinite distance have no vote,
-    and NaN counts as infinity.
+    What is equal goes to the class whose nearest example is nearer, then to the one whose nearest example
+    comes first. Examples at an infinite distance have no vote, and NaN counts as infinity.
 
     Parameters
     ----------
-    distances : (Q, N) float array
-    codes : (N,) int array
-        Class of each example, 0 to ``classes - 1``.
-    classes, k : int
-    weights : ExampleWeights, optional
-        Learned from these N examples.
-    temperature : float, optional
-        Of these examples (`temperature_of`), for the probabilities.
+    fitted : Fitted
+    distances : (Q, M) float array
+        To the examples that it compares queries with.
+    queries : sequence of Q Signals or (T, D) arrays, optional
+        Where its classifier looks at them.
     """
     distances = np.where(np.isnan(distances), np.inf, distances)
-    nearest: np.ndarray = np.full((len(distances), classes), np.inf)
-    firsts = np.full((len(distances), classes), len(codes))
-    rows = np.arange(len(distances))
-    for code in np.unique(codes):
-        own = np.flatnonzero(codes == code)
-        firsts[:, code] = own[distances[:, own].argmin(axis=1)]
-        nearest[:, code] = distances[rows, firsts[:, code]]
-    there = np.isfinite(nearest)
-    steps, factors = np.zeros(nearest.shape), np.ones(len(rows))
-    if weights is not None:
-        scores, factors = weights.scores(distances)
-        best = np.where(there, np.abs(scores), 0).max(axis=1, initial=0.0)
-        steps = np.round(scores / (np.where(best > 0, best, 1.0)[:, None] * _EQUAL))
-    elif k == 1:
-        scores = -nearest
-    else:
-        near = k_nearest(distances, k)
-        for query, indices in enumerate(near.indices):
-            voters = codes[indices[np.isfinite(near.distances[query])]]
-            steps[query] = np.bincount(voters, minlength=classes)
-        scores = steps - np.where(there, nearest, 0) / (1 + np.abs(np.where(there, nearest, 0)))
+    nearest, firsts = nearest_of(distances, fitted.codes, fitted.classes)
+    rows, there = np.arange(len(distances)), np.isfinite(nearest)
+    scores, ranks = fitted.ordered(queries, distances)
+    most = np.where(there, np.abs(ranks), 0).max(axis=1, initial=0.0)
+    steps = np.round(ranks / (np.where(most > 0, most, 1.0)[:, None] * _EQUAL))
     order = np.lexsort((firsts, nearest, -np.where(there, steps, -np.inf)), axis=1)
     best = order[:, 0]
     found = there[rows, best]
     own = np.where(found, nearest[rows, best], np.inf)
     margins: np.ndarray = np.full(len(rows), np.inf)
     second = np.flatnonzero(there.sum(axis=1) > 1)
-    if weights is not None:
-        lead = scores[second, best[second]] - scores[second, order[second, 1:2].reshape(-1)]
-        margins[second] = np.round(np.maximum(lead, 0.0) * factors[second], _DECIMALS)
-    else:
+    if fitted.votes:
         others = nearest.copy()
         others[rows, best] = np.inf
         margins[second] = others[second].min(axis=1, initial=np.inf) - own[second]
-    scores = np.where(there, scores * factors[:, None], -np.inf)
-    chances = None if temperature is None else probabilities(scores, temperature)[rows, best]
+    else:
+        lead = scores[second, best[second]] - scores[second, order[second, 1:2].reshape(-1)]
+        margins[second] = np.round(np.maximum(lead, 0.0), _DECIMALS)
+    scores = np.where(there, scores, -np.inf)
+    heat = fitted.temperature
+    chances = None if heat is None else probabilities(scores, heat)[rows, best]
     return Votes(np.where(found, best, -1), own, margins, order, scores, chances)
 
 
@@ -214,21 +184,19 @@ def decide(
     distances: np.ndarray,
     queries: Sequence[Signals | np.ndarray],
     library: ExampleLibrary,
-    k: int = 1,
+    fitted: Fitted,
     thresholds: np.ndarray | None = None,
-    weights: ExampleWeights | None = None,
     margin: float | None = None,
     confidence: float | None = None,
-    temperature: float | None = None,
 ) -> list[Prediction]:
     """One `Prediction` for each query, from the (Q, N) ``distances`` to the examples of ``library``.
 
-    ``k``, ``weights`` and ``temperature`` are those of `votes_of`, the thresholds those of `refusals`.
+    ``fitted`` has learned from them; the thresholds are those of `refusals`.
     """
-    votes = votes_of(distances, library.codes, len(library.classes), k, weights, temperature)
+    votes = votes_of(fitted, distances, queries)
     codes = refusals(votes, thresholds, margin, list(map(is_still, queries)), confidence)
     predictions = []
-    shown = named_examples(distances, library.codes, votes, 0 if weights is not None else k)
+    shown = named_examples(distances, library.codes, votes, fitted.votes)
     for index, named in enumerate(shown):
         query, code, winner = queries[index], codes[index], votes.winners[index]
         selected, note = (query.selected, _note(query)) if isinstance(query, Signals) else ((), "")
@@ -292,19 +260,20 @@ def probabilities(scores: np.ndarray, temperature: float) -> np.ndarray:
     return shares
 
 
-def temperature_of(within: np.ndarray, codes: np.ndarray, classes: int, chosen: ClassifySettings) -> float:
-    """What divides scores to make them probabilities, from the (N, N) distances among examples of (N,) codes.
+def temperature_of(fitted: Fitted, within: np.ndarray, series: Sequence[Signals | np.ndarray] = ()) -> float:
+    """What divides scores to make them probabilities, from the (N, N) distances among the examples.
 
     That temperature under which the softmax gives the examples the probabilities that they deserve (Guo et
     al. 2017), when each is decided by the others. So that few examples which are all right do not make a
-    certainty, the targets are those of Platt (1999): (N + 1) / (N + 2) instead of 1.
+    certainty, the targets are those of Platt (1999): (N + 1) / (N + 2) instead of 1. ``series`` are the
+    examples that ``fitted`` compares queries with.
 
     Raises
     ------
     InputError
         E_EXAMPLES where no class has two examples: one that is left out leaves nothing of its class.
     """
-    count = len(codes)
+    codes, classes = fitted.codes, fitted.classes
     told = np.flatnonzero(np.bincount(codes, minlength=classes)[codes] > 1)
     if len(told) == 0:
         raise InputError(
@@ -313,17 +282,9 @@ def temperature_of(within: np.ndarray, codes: np.ndarray, classes: int, chosen: 
             "classify.landmarks, or classify.margin; decision_function",
             code="E_EXAMPLES",
         )
-    scores: np.ndarray = np.full((count, classes), -np.inf)
-    for start in range(min(count, _MOST)):
-        out = np.arange(start, count, _MOST)
-        rest = np.delete(np.arange(count), out)
-        weights = None
-        if chosen.neighbors == 0:
-            among = within[np.ix_(rest, rest)]
-            weights = learn_weights(among, codes[rest], classes, chosen.sharpness, chosen.shrinkage)
-        k = min(max(chosen.neighbors, 1), len(rest))
-        scores[out] = votes_of(within[np.ix_(out, rest)], codes[rest], classes, k, weights).scores
-    scores, truth = scores[told], codes[told]
+    with calling(fitted.classifier):
+        scores = left_out(fitted.classifier, series, codes, classes, within)[told]
+    truth = codes[told]
     ordered = np.sort(scores, axis=1)[:, -2:] if classes > 1 else np.zeros((len(told), 2))
     leads = (ordered[:, 1] - ordered[:, 0])[np.isfinite(ordered).all(axis=1)]
     unit = float(np.median(leads)) if len(leads) and np.median(leads) > 0 else 1.0

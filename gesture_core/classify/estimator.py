@@ -54,7 +54,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
     Attributes
     ----------
     n_neighbors_ : int
-        Examples that vote; 0 where all of them decide.
+        Examples that vote; 0 where scores decide.
     settings_ : Settings
         What `fit` resolved, with ``kernel``, ``n_neighbors`` and ``reject`` in their places; later
         changes of files and of the environment do not reach it.
@@ -67,7 +67,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
     thresholds_ : (C,) float array or None
         Rejection threshold of each class.
     weights_ : ExampleWeights or None
-        How much each example of `library_` counts for each class, where all of them decide.
+        How much each example of `library_` counts for each class, of the classifier ``weighed``.
     rejected_label_ : object
         What `predict` answers where it gives no label.
 
@@ -138,7 +138,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         self.rejected_label_: object = _sentinel(self.rejected_label, fitted.library.classes)
         self._recognizer = fitted
         self.settings_: Settings = settings
-        self.n_neighbors_: int = settings.classify.neighbors
+        self.n_neighbors_: int = settings.classify.votes
         self.thresholds_: np.ndarray | None = fitted.thresholds
         self.weights_: ExampleWeights | None = fitted.weights
         self.library_: ExampleLibrary = fitted.library
@@ -157,11 +157,8 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         """
         self._check_fitted()
         signals = self.signals(X)
-        distances, library = self.distances(signals), self.library_
-        chosen, heat = self.settings_.classify, self._recognizer.calibrated
-        votes = votes_of(
-            distances, library.codes, len(library.classes), self.n_neighbors_, self.weights_, heat
-        )
+        chosen = self.settings_.classify
+        votes = votes_of(self._recognizer.fitted, self.distances(signals), signals)
         for index in np.flatnonzero(votes.winners < 0):
             if not is_still(signals[index]):
                 raise InputError(
@@ -178,9 +175,9 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         """(Q, C) score of each of `classes_`, higher for what is more alike; of two classes (Q,), that of the
         second one less that of the first, as scikit-learn has it.
 
-        With ``n_neighbors=0`` about 1 for the right class and 0 for others; with 1 minus the distance to
-        the nearest example of each class; with more their votes. Minus infinity for a class that cannot
-        be compared. Whether `predict` would refuse a label does not count.
+        About 1 for the right class and 0 for others. Of the classifier ``nearest``, minus the distance to
+        the nearest example of each class; of several neighbours, their votes. Minus infinity for a class
+        that cannot be compared. Whether `predict` would refuse a label does not count.
         """
         scores = self._scores(X)
         return scores[:, 1] - scores[:, 0] if scores.shape[1] == 2 else scores

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from gesture_core.classify.balance import balanced
+from gesture_core.classify.classifiers import Fitted, landmarks, learn, needs_distances
 from gesture_core.classify.comparison import compare, is_still
 from gesture_core.classify.decision import refusals, temperature_of, votes_of
-from gesture_core.classify.learning import landmarks, learn, medoids, needs_distances
+from gesture_core.classify.learning import medoids
 from gesture_core.classify.scores import Answer, Evaluation
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.settings import ClassifySettings, Settings
@@ -58,6 +59,8 @@ class Compared:
         Position in ``data`` of what could not be used, and why.
     still : (M,) bool array, optional
         Sequences in which nothing moves.
+    series : sequence of M Signals
+        For classifiers that look at the signals; may be empty for the others.
     """
 
     data: Labelled
@@ -66,6 +69,7 @@ class Compared:
     within: np.ndarray
     errors: dict[int, GestureError]
     still: np.ndarray | None = None
+    series: Sequence[Signals] = ()
 
     @property
     def subjects(self) -> set[str]:
@@ -77,7 +81,13 @@ class Compared:
         kept = np.array([self.data.subjects[i] != subject for i in self.usable], bool)
         errors = {i: e for i, e in self.errors.items() if self.data.subjects[i] != subject}
         within, still = self.within[np.ix_(kept, kept)], None if self.still is None else self.still[kept]
-        return replace(self, usable=self.usable[kept], within=within, errors=errors, still=still)
+        series = self.of(np.flatnonzero(kept))
+        usable = self.usable[kept]
+        return replace(self, usable=usable, within=within, errors=errors, still=still, series=series)
+
+    def of(self, rows: np.ndarray) -> list[Signals]:
+        """The series of some rows, if there are any."""
+        return [self.series[i] for i in rows] if self.series else []
 
 
 def compare_all(data: Labelled, settings: Settings) -> Compared:
@@ -107,7 +117,7 @@ def compare_all(data: Labelled, settings: Settings) -> Compared:
     settings = balanced(train or series, settings)
     within = compare(series, series, settings).astype(np.float64)
     still = np.array([is_still(item) for item in series], bool)
-    return Compared(data, settings, np.array(list(signals), np.int64), within, errors, still)
+    return Compared(data, settings, np.array(list(signals), np.int64), within, errors, still, series)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +203,8 @@ def answer(
     ConfigError
         For a protocol that does not fit the data, and for more neighbours than a fold has examples.
     """
-    data, chosen, within, usable = compared.data, compared.settings.classify, compared.within, compared.usable
+    data, settings, within, usable = compared.data, compared.settings, compared.within, compared.usable
+    chosen = settings.classify
     classes, codes = np.unique(np.array([str(data.labels[i]) for i in usable]), return_inverse=True)
     subjects = [data.subjects[i] for i in usable]
     train = None if data.train is None else [data.train[i] for i in usable]
@@ -202,17 +213,19 @@ def answer(
     temperature = None
     calibrate = calibrate or chosen.confidence is not None
     if calibrate and protocol == "leave-one-out":
-        temperature = _temperature(within, codes, len(classes), chosen)
+        every = Fitted.fit(settings, compared.series, codes, len(classes), within)
+        temperature = _temperature(every, within, compared.series, chosen)
     for fold in folds(protocol, codes, subjects, within, train):
         marks = fold.train[landmarks(codes[fold.train], chosen)]
-        among = within[np.ix_(fold.train, marks)] if needs_distances(chosen) else None
-        kept, thresholds, weights = learn(codes[fold.train], len(classes), chosen, among)
+        among = within[np.ix_(fold.train, marks)] if needs_distances(settings) else None
+        known = compared.of(fold.train)
+        kept, thresholds, fitted = learn(settings, known, codes[fold.train], len(classes), among)
         examples = fold.train[kept]
         block = within[np.ix_(fold.test, examples)]
         if calibrate and protocol != "leave-one-out":
             own = within[np.ix_(examples, examples)]
-            temperature = _temperature(own, codes[examples], len(classes), chosen)
-        votes = votes_of(block, codes[examples], len(classes), chosen.neighbors, weights, temperature)
+            temperature = _temperature(fitted, own, compared.of(examples), chosen)
+        votes = votes_of(fitted.with_temperature(temperature), block, compared.of(fold.test))
         still = None if compared.still is None else compared.still[fold.test]
         refused = refusals(votes, thresholds, chosen.margin, still, chosen.confidence)
         for row, origin in enumerate(usable[fold.test]):
@@ -247,11 +260,11 @@ def answer(
 
 
 def _temperature(
-    within: np.ndarray, codes: np.ndarray, classes: int, chosen: ClassifySettings
+    fitted: Fitted, within: np.ndarray, series: Sequence[Signals], chosen: ClassifySettings
 ) -> float | None:
     """That of the probabilities; None where too few examples make none, and none is asked for."""
     try:
-        return temperature_of(within, codes, classes, chosen)
+        return temperature_of(fitted, within, series)
     except InputError:
         if chosen.confidence is not None:
             raise

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gesture_core.classify.classifiers import Fitted
 from gesture_core.classify.comparison import Extents, comparable, pair_divisors, parts, takes_parts
 from gesture_core.classify.decision import k_nearest, named_examples, votes_of
 from gesture_core.classify.examples import ExampleLibrary
-from gesture_core.classify.learning import ExampleWeights
 from gesture_core.errors import InputError
+from gesture_core.plugin.interfaces import Contributes, HasMembers
 from gesture_core.settings import Settings
 from gesture_core.signals.mirror import mirrored
 from gesture_core.types import Signals
@@ -58,14 +59,12 @@ class Alignment:
 
 @dataclass(frozen=True)
 class Contribution:
-    """What one example adds to the decision where all of them decide.
+    """What one example adds to the decision, where the classifier tells.
 
     Attributes
     ----------
     example, label : str
     distance : float
-    similarity : float
-        0 to 1.
     added : float
         To the score of the class that won minus that of the runner-up.
     """
@@ -73,7 +72,6 @@ class Contribution:
     example: str
     label: str
     distance: float
-    similarity: float
     added: float
 
 
@@ -87,18 +85,22 @@ class Explanation:
         The nearest example of the class that won. One of another class may be nearer still, where
         several neighbours vote or all examples decide.
     runner_up : Alignment or None
-        The nearest example of the class with the second highest score where all examples decide,
-        otherwise the nearest one of any other class; None with one class.
+        The nearest example of the class with the second highest score; where neighbours vote, the nearest
+        one of any other class; None with one class.
     contributions : tuple of Contribution
-        Of all examples, the largest first, where all of them decide; they add up to `lead`.
+        Of all examples, the largest first, where the classifier tells; they add up to `lead`, or to what the
+        one of its members that looks at distances adds.
     lead : float
         Score of the winner minus that of the runner-up; 0 where the nearest examples vote.
+    members : tuple of (str, float)
+        What each member of a classifier of several adds to `lead`.
     """
 
     nearest: Alignment
     runner_up: Alignment | None
     contributions: tuple[Contribution, ...] = ()
     lead: float = 0.0
+    members: tuple[tuple[str, float], ...] = ()
 
 
 def explain(
@@ -106,7 +108,7 @@ def explain(
     library: ExampleLibrary,
     distances: np.ndarray,
     settings: Settings,
-    weights: ExampleWeights | None = None,
+    fitted: Fitted,
 ) -> Explanation:
     """Explain one row of distances.
 
@@ -118,9 +120,8 @@ def explain(
     distances : (N,) float array
         The query's distances to the examples, as `comparison.compare` gives them.
     settings : Settings
-        With the number of neighbours that vote, where ``weights`` is not given.
-    weights : ExampleWeights, optional
-        How much each example counts, where all of them decide.
+    fitted : Fitted
+        What decided, with what it has learned of these examples.
 
     Raises
     ------
@@ -128,11 +129,10 @@ def explain(
         E_NO_COMMON where no example can be compared with the query.
     """
     row, codes = np.where(np.isnan(distances), np.inf, distances)[None], library.codes
-    neighbors = min(max(1, settings.classify.neighbors), len(library))
-    votes = votes_of(row, codes, len(library.classes), neighbors, weights)
+    votes = votes_of(fitted, row, [query])
     if votes.winners[0] < 0:
         raise InputError("no example has a dimension in common with this input", code="E_NO_COMMON")
-    if weights is not None:
+    if not fitted.votes:
         sides = named_examples(row, codes, votes, 0)[0][:2]
     else:
         won = codes == votes.winners[0]
@@ -142,18 +142,21 @@ def explain(
     if len(sides) == 1:
         return Explanation(nearest, None)
     runner_up = align(query, library, int(sides[1]), settings)
-    if weights is None:
+    if fitted.votes:
         return Explanation(nearest, runner_up)
-    scores = weights.contributions(row)[0]
-    added = scores[:, codes[sides[0]]] - scores[:, codes[sides[1]]]
-    contributions = [
-        Contribution(
-            library.names[i], str(library.labels[i]), float(row[0, i]), float(similarity), float(added[i])
-        )
-        for i, similarity in enumerate(weights.similarities(row)[0])
-    ]
-    contributions.sort(key=lambda one: -abs(one.added))
-    return Explanation(nearest, runner_up, tuple(contributions), float(added.sum()))
+    ours, theirs, asked = codes[sides[0]], codes[sides[1]], fitted.classifier
+    contributions: list[Contribution] = []
+    members: list[tuple[str, float]] = []
+    if isinstance(asked, Contributes):
+        scores = asked.contributions(fitted.state, row)[0]
+        every = zip(library.names, library.labels, row[0], scores[:, ours] - scores[:, theirs], strict=True)
+        contributions = [Contribution(n, str(label), float(d), float(added)) for n, label, d, added in every]
+        contributions.sort(key=lambda one: -abs(one.added))
+    if isinstance(asked, HasMembers):
+        said = asked.members(fitted.state, [query], row).items()
+        members = [(name, float(scores[0, ours] - scores[0, theirs])) for name, scores in said]
+    lead = float(votes.scores[0, ours] - votes.scores[0, theirs])
+    return Explanation(nearest, runner_up, tuple(contributions), lead, tuple(members))
 
 
 def align(query: Signals, library: ExampleLibrary, index: int, settings: Settings) -> Alignment:

@@ -13,14 +13,10 @@ a class, where it decides nearly as the nearest example does.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gesture_core.errors import ConfigError
-
-if TYPE_CHECKING:
-    from gesture_core.settings import ClassifySettings
 
 # Distances below this count as none: what divides by them would overflow.
 _LEAST = 1e-300
@@ -140,70 +136,6 @@ def _exponents(distances: np.ndarray, scales: np.ndarray, sharpness: float) -> n
     distances = np.asarray(distances, np.float64)
     exponents: np.ndarray = np.where(np.isnan(distances), np.inf, distances) * (sharpness / scales)
     return exponents
-
-
-def landmarks(codes: np.ndarray, chosen: ClassifySettings) -> np.ndarray:
-    """Indices of the examples with the given (N,) codes that the others have to be compared with.
-
-    All of them, or as many as ``classify.landmarks`` allows: of each class its share, one at least, evenly
-    spread. A Nystrom approximation (Williams and Seeger 2001) of the similarities among all.
-    """
-    if chosen.neighbors != 0 or chosen.representative or len(codes) <= chosen.landmarks:
-        return np.arange(len(codes))
-    marks = []
-    for code in np.unique(codes):
-        own = np.flatnonzero(codes == code)
-        count = max(1, chosen.landmarks * len(own) // len(codes))
-        marks.append(own[np.linspace(0, len(own) - 1, count).round().astype(int)])
-    return np.sort(np.concatenate(marks))
-
-
-def learn(
-    codes: np.ndarray, classes: int, chosen: ClassifySettings, within: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray | None, ExampleWeights | None]:
-    """What the settings ask for of examples with the given (N,) codes, 0 to ``classes - 1``.
-
-    ``within`` are the (N, M) distances of all of them to their `landmarks`, row example as the query; those
-    of an example to itself are ignored. `needs_distances` tells where they may be left out. A class may
-    have no example.
-
-    Returns
-    -------
-    kept : (K,) int64
-        The examples that queries are compared with: the landmarks, or the medoid of each class.
-    thresholds : (C,) float array or None
-        Largest distance at which each class gives its label.
-    weights : ExampleWeights or None
-        Of the examples that are kept, where all of them decide.
-
-    Raises
-    ------
-    ConfigError
-        E_REJECT where a threshold cannot be calibrated.
-    """
-    kept = landmarks(codes, chosen)
-    thresholds = None if chosen.reject is None else np.full(classes, chosen.reject)
-    if within is None:
-        return kept, thresholds, None
-    if chosen.representative:
-        kept = medoids(within, codes)
-        within = within[:, kept]
-    if chosen.reject_sd is not None:
-        own = calibrated_thresholds(within, codes, classes, chosen.reject_sd, kept)
-        thresholds = own if thresholds is None else np.minimum(thresholds, own)
-    if chosen.neighbors != 0:
-        return kept, thresholds, None
-    marks = kept
-    if chosen.representative:  # the medoids alone, as if there were no other examples
-        within, codes, marks = within[kept], codes[kept], np.arange(len(kept))
-    weights = learn_weights(within, codes, classes, chosen.sharpness, chosen.shrinkage, marks)
-    return kept, thresholds, weights
-
-
-def needs_distances(chosen: ClassifySettings) -> bool:
-    """Whether what is fitted needs the distances among the examples."""
-    calibrates = chosen.reject_sd is not None or chosen.confidence is not None
-    return chosen.representative or calibrates or chosen.neighbors == 0
 
 
 def medoids(distances: np.ndarray, codes: np.ndarray) -> np.ndarray:

@@ -18,11 +18,19 @@ from typing import Any
 import numpy as np
 
 from gesture_core.classify.balance import balanced
+from gesture_core.classify.classifiers import (
+    Fitted,
+    Weighed,
+    choose_classifier,
+    landmarks,
+    learn,
+    needs_distances,
+)
 from gesture_core.classify.comparison import Comparison, check_alike, check_settings
 from gesture_core.classify.decision import decide, temperature_of, votes_of
 from gesture_core.classify.examples import ExampleLibrary, warn_of_contradictions
 from gesture_core.classify.known import KnownDistances
-from gesture_core.classify.learning import ExampleWeights, landmarks, learn, needs_distances
+from gesture_core.classify.learning import ExampleWeights
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable, read_arrays, write_arrays
 from gesture_core.plugin import registry
@@ -35,9 +43,11 @@ from gesture_core.types import PoseSequence, Recording, SignalBatch, Signals
 # Examples are compared with each other in blocks of so many rows at most, and of about so many seconds.
 _MOST_ROWS, _SECONDS = 256, 2.0
 
-_FORMAT = 1
+_FORMAT = 2
 _LARGEST = 4 << 30
 """Bytes of such a file, once unpacked."""
+_LEARNED = "learned."
+"""In front of the names of what a classifier has learned."""
 _KINDS = "UifbS"
 """Kinds of labels that a file holds: texts, numbers, truth values, bytes."""
 
@@ -58,24 +68,21 @@ class Recognizer:
         Where each of them stood among those that were given.
     thresholds : (C,) float array or None
         Largest distance at which each class gives its label.
-    weights : ExampleWeights or None
-        How much each example counts for each class, where all of them decide.
+    fitted : Fitted
+        What the classifier has learned; with a temperature where ``classify.confidence`` asks for it.
     comparison : Comparison
         With these examples.
     within : (N, N) array, optional
         Distances among them, where `fit` had to compute them.
-    calibrated : float, optional
-        The `temperature`, where ``classify.confidence`` asks for it.
     """
 
     settings: Settings
     library: ExampleLibrary
     kept: np.ndarray
     thresholds: np.ndarray | None
-    weights: ExampleWeights | None
+    fitted: Fitted
     comparison: Comparison
     within: np.ndarray | None = None
-    calibrated: float | None = None
 
     @classmethod
     def fit(
@@ -107,24 +114,33 @@ class Recognizer:
         if chosen.kernel != "auto":
             registry().find("kernel", chosen.kernel)
         most = len(library.classes) if chosen.representative else len(library)
-        if chosen.neighbors > most:
+        if chosen.votes > most:
             raise ConfigError(
-                f"{chosen.neighbors} neighbours were asked for and there are {most} examples",
+                f"{chosen.votes} neighbours were asked for and there are {most} examples",
                 remedy=f"n_neighbors from 0, for all of them, to {most}",
                 code="E_NEIGHBORS",
             )
         warn_of_contradictions(library, stacklevel + 1)
         marks = landmarks(library.codes, chosen)
         comparison = Comparison([library.series[i] for i in marks], settings, known)
-        within = _among(library.series, comparison, alive) if needs_distances(chosen) else None
-        kept, thresholds, weights = learn(library.codes, len(library.classes), chosen, within)
+        within = _among(library.series, comparison, alive) if needs_distances(settings) else None
+        count = len(library.classes)
+        kept, thresholds, fitted = learn(settings, library.series, library.codes, count, within)
         if len(kept) < len(library):
             if chosen.representative:
                 comparison = Comparison([library.series[i] for i in kept], settings, known)
             within = None if within is None else within[np.ix_(kept, np.isin(marks, kept))]
             library = library.take(kept)
-        fitted = cls(settings, library, kept, thresholds, weights, comparison, within)
-        return fitted if chosen.confidence is None else replace(fitted, calibrated=fitted.temperature)
+        found = cls(settings, library, kept, thresholds, fitted, comparison, within)
+        if chosen.confidence is None:
+            return found
+        return replace(found, fitted=fitted.with_temperature(found.temperature))
+
+    @property
+    def weights(self) -> ExampleWeights | None:
+        """How much each example counts for each class, of the classifier ``weighed``."""
+        asked = self.fitted.classifier
+        return asked.weights(self.fitted.state) if isinstance(asked, Weighed) else None
 
     def distances(self, series: Sequence[Signals | np.ndarray]) -> np.ndarray:
         """(Q, N) warping distances to the examples of `library`."""
@@ -134,18 +150,17 @@ class Recognizer:
 
     def scores(self, series: Sequence[Signals | np.ndarray]) -> np.ndarray:
         """(Q, C) score of each class; see `Votes`."""
-        k, library = self.settings.classify.neighbors, self.library
-        return votes_of(self.distances(series), library.codes, len(library.classes), k, self.weights).scores
+        return votes_of(self.fitted, self.distances(series), series).scores
 
     @cached_property
     def temperature(self) -> float:
         """What turns scores into probabilities; see `temperature_of`."""
-        library, within = self.library, self.within
-        if self.calibrated is not None:
-            return self.calibrated
+        series, within = self.library.series, self.within
+        if self.fitted.temperature is not None:
+            return self.fitted.temperature
         if within is None:
-            within = _among(library.series, self.comparison, lambda: None)
-        return temperature_of(within, library.codes, len(library.classes), self.settings.classify)
+            within = _among(series, self.comparison, lambda: None)
+        return temperature_of(self.fitted, within, series)
 
     def predictions(self, X: Sequence[Item]) -> list[Prediction]:
         """One `Prediction` for each query; see `GestureClassifier.predictions`."""
@@ -173,9 +188,14 @@ class Recognizer:
                 continue
             chosen = self.settings.classify
             decided = decide(
-                distances, series, self.library, chosen.neighbors, self.thresholds, self.weights,
-                chosen.margin, chosen.confidence, self.calibrated,
-            )  # fmt: skip
+                distances,
+                series,
+                self.library,
+                self.fitted,
+                self.thresholds,
+                chosen.margin,
+                chosen.confidence,
+            )
             found.update(zip(places, decided, strict=True))
         return [found[place] for place in range(len(X))]
 
@@ -210,11 +230,9 @@ class Recognizer:
             arrays["present"] = np.array([item.present for item in signals])
         if self.thresholds is not None:
             arrays["thresholds"] = self.thresholds
-        if self.weights is not None:
-            arrays |= {"scales": self.weights.scales, "weights": self.weights.weights}
-            arrays["sharpness"] = np.array(self.weights.sharpness)
-        if self.calibrated is not None:
-            arrays["temperature"] = np.array(self.calibrated)
+        arrays |= {_LEARNED + name: array for name, array in self.fitted.state.items()}
+        if self.fitted.temperature is not None:
+            arrays["temperature"] = np.array(self.fitted.temperature)
         header = {
             "format": _FORMAT,
             "preset": self.settings.preset,
@@ -257,14 +275,13 @@ class Recognizer:
                 )
                 values = [Signals(v, t, channels, m, p, s) for v, t, m, p, s in zip(*every, strict=True)]
             library = ExampleLibrary(tuple(values), tuple(arrays["labels"]), tuple(header["names"]))
-            weights = None
-            if "weights" in arrays:
-                weights = ExampleWeights(arrays["scales"], arrays["weights"], float(arrays["sharpness"]))
+            state = {n.removeprefix(_LEARNED): a for n, a in arrays.items() if n.startswith(_LEARNED)}
+            heat = float(arrays["temperature"]) if settings.classify.confidence is not None else None
+            classifier, votes = choose_classifier(settings), settings.classify.votes
+            fitted = Fitted(classifier, state, library.codes, len(library.classes), votes, heat)
             comparison = Comparison(library.series, settings, known)
             kept, thresholds, facts = arrays["kept"], arrays.get("thresholds"), dict(header["facts"])
-            calibrated = float(arrays["temperature"]) if settings.classify.confidence is not None else None
-            fitted = cls(settings, library, kept, thresholds, weights, comparison, calibrated=calibrated)
-            return fitted, facts
+            return cls(settings, library, kept, thresholds, fitted, comparison), facts
         except (GestureError, KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise InputError(
                 f"holds no fitted classifier of this version: {error}",

@@ -17,6 +17,7 @@ _PARTS = {
     "keypoints": "of videos and keypoint files, by their content; every run uses them",
     "previews": "small videos of the rows of reports, by the content of their inputs",
     "probed": "pose networks that have passed their trial",
+    "downloads": "networks of which a part has arrived: 'gesture models get' goes on from there",
     "fetched": "copies of objects of an archive that is no folder, until their turn comes",
     "etags": "content hashes of such objects",
     "numba": "compiled distance kernels, where the package's own folder cannot be written",

@@ -116,14 +116,19 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
 
 
 def _print_examples(found: Explanation) -> None:
-    """What each example adds where all of them decide: the largest parts, and the sum of the others."""
+    """What each example adds, the largest parts and the sum of the others, and what each member says."""
     far = found.runner_up
-    if not found.contributions or far is None:
+    if far is None or not (found.contributions or found.members):
         return
     favours = f"in favour of {found.nearest.label} over {far.label}"
     largest, rest = found.contributions[:_EXAMPLES_SHOWN], found.contributions[_EXAMPLES_SHOWN:]
     rows = [[v.example, v.label, f"{v.distance:.4g}", f"{v.added:+.3f}"] for v in largest]
     if rest:
         rows.append([counted(len(rest), "more example"), "", "", f"{sum(v.added for v in rest):+.3f}"])
-    print_table(["example", "label", "distance", favours], rows, right=["distance", favours])
-    print(f"all examples decide; their contributions add up to the margin, {found.lead:.3g}")
+    if rows:
+        print_table(["example", "label", "distance", favours], rows, right=["distance", favours])
+    if found.members:
+        said = ", ".join(f"{name} {added:+.3f}" for name, added in found.members)
+        print(f"{said}: together the margin, {found.lead:.3g}")
+    else:
+        print(f"all examples decide; their contributions add up to the margin, {found.lead:.3g}")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import PoseBackend, Subsequences
-    from gesture_core.types import SignalBatch
+    from gesture_core.types import SignalBatch, Signals
 
 
 @runtime_checkable
@@ -211,6 +211,61 @@ class DeviceKernel(Protocol):
     @property
     def device(self) -> str:
         """Where it computes: ``"cpu"`` or the name of an accelerator, such as ``"cuda"``."""
+        ...
+
+
+@runtime_checkable
+class OrdersClasses(Protocol):
+    """A classifier whose scores are too coarse, or too small, to order the classes by."""
+
+    def ordered(
+        self,
+        state: Mapping[str, np.ndarray],
+        queries: Sequence[Signals | np.ndarray],
+        distances: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The (Q, C) scores, and (Q, C) numbers by which the classes are ordered, highest first.
+
+        Where those are equal, the class with the nearer example comes first.
+        """
+        ...
+
+
+@runtime_checkable
+class LeavesOut(Protocol):
+    """A classifier that knows, without learning again, what it would say of examples it had not seen."""
+
+    def left_out(
+        self,
+        examples: Sequence[Signals | np.ndarray],
+        codes: np.ndarray,
+        classes: int,
+        distances: np.ndarray,
+    ) -> np.ndarray:
+        """(N, C) score of each example by what all others teach; ``distances`` are (N, N)."""
+        ...
+
+
+@runtime_checkable
+class Contributes(Protocol):
+    """A classifier that says what each example adds, for `gesture explain`."""
+
+    def contributions(self, state: Mapping[str, np.ndarray], distances: np.ndarray) -> np.ndarray:
+        """(Q, M, C) what each example that queries are compared with adds to the score of each class."""
+        ...
+
+
+@runtime_checkable
+class HasMembers(Protocol):
+    """A classifier that asks several others, for `gesture explain`."""
+
+    def members(
+        self,
+        state: Mapping[str, np.ndarray],
+        queries: Sequence[Signals | np.ndarray],
+        distances: np.ndarray,
+    ) -> Mapping[str, np.ndarray]:
+        """(Q, C) what each adds to the scores, by its name; they add up to them."""
         ...
 
 

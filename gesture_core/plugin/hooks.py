@@ -47,6 +47,13 @@ KINDS: Mapping[str, Kind] = {
         Kind("filter", "register_filters", "filter"),
         Kind("selector", "register_selectors", "dimension selector"),
         Kind("kernel", "register_distance_kernels", "distance kernel"),
+        Kind(
+            "classifier",
+            "register_classifiers",
+            "classifier",
+            (),
+            ("neighbors", "sharpness", "shrinkage", "mirror"),
+        ),
         Kind("writer", "register_result_writers", "result writer"),
         Kind("engine", "register_engines", "execution engine", ("workers", "limits")),
     )
@@ -127,6 +134,11 @@ def register_selectors(register: Register) -> None:
 @hookspec
 def register_distance_kernels(register: Register) -> None:
     """Batched warping distances (`DistanceKernel`)."""
+
+
+@hookspec
+def register_classifiers(register: Register) -> None:
+    """From distances, or the signals themselves, to scores of the classes (`Classifier`)."""
 
 
 @hookspec

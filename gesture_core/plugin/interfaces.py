@@ -11,13 +11,17 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from gesture_core.plugin.abilities import ApproximateKernel as ApproximateKernel
 from gesture_core.plugin.abilities import Closeable as Closeable
+from gesture_core.plugin.abilities import Contributes as Contributes
 from gesture_core.plugin.abilities import CropFollowing as CropFollowing
 from gesture_core.plugin.abilities import DeviceChoice as DeviceChoice
 from gesture_core.plugin.abilities import DeviceKernel as DeviceKernel
 from gesture_core.plugin.abilities import ExplainsRefusal as ExplainsRefusal
 from gesture_core.plugin.abilities import GradientKernel as GradientKernel
+from gesture_core.plugin.abilities import HasMembers as HasMembers
 from gesture_core.plugin.abilities import LazyFrames as LazyFrames
+from gesture_core.plugin.abilities import LeavesOut as LeavesOut
 from gesture_core.plugin.abilities import NeedsDepth as NeedsDepth
+from gesture_core.plugin.abilities import OrdersClasses as OrdersClasses
 from gesture_core.plugin.abilities import PairKernel as PairKernel
 from gesture_core.plugin.abilities import RegionFollowing as RegionFollowing
 from gesture_core.plugin.abilities import SearchKernel as SearchKernel
@@ -200,6 +204,67 @@ class DistanceKernel(Protocol):
         ...
 
 
+@runtime_checkable
+class Classifier(Protocol):
+    """Decides which class a query is of: by its distances to the examples, or by the signals themselves.
+
+    Constructed with its options as keywords; parameters called ``neighbors``, ``sharpness``, ``shrinkage``
+    or ``mirror`` are those of [classify]. What it learns is arrays, which stay with the run: nothing is
+    pickled, and the same object may be asked about several libraries. It may also have `OrdersClasses`,
+    `LeavesOut`, `Contributes` or `HasMembers`.
+
+    Series are `Signals`, or bare (T, D) float64 arrays where a Python caller gave such. The same query must
+    get the same scores in whatever batch it travels.
+    """
+
+    least: int
+    """Examples that every class must have; with fewer nothing is fitted, and the user is told."""
+    compares: bool
+    """Whether `fit` needs the distances among the examples, the costly part of a fit."""
+
+    def fit(
+        self,
+        examples: Sequence[Signals | np.ndarray],
+        codes: np.ndarray,
+        classes: int,
+        distances: np.ndarray | None,
+        marks: np.ndarray,
+    ) -> Mapping[str, np.ndarray]:
+        """Learn from N examples.
+
+        Parameters
+        ----------
+        examples : sequence of N Signals or (T, D) arrays
+        codes : (N,) int64
+            Class of each, 0 to ``classes - 1``; a class may have none.
+        classes : int
+        distances : (N, M) float64, or None where nothing asked for them
+            To the examples at ``marks``; infinite where a pair cannot be compared; those to itself mean
+            nothing.
+        marks : (M,) int64
+            The examples that queries are compared with: mostly all.
+
+        Returns
+        -------
+        mapping of str to array
+            Numbers and texts; all that `scores` needs.
+        """
+        ...
+
+    def scores(
+        self,
+        state: Mapping[str, np.ndarray],
+        queries: Sequence[Signals | np.ndarray],
+        distances: np.ndarray,
+    ) -> np.ndarray:
+        """(Q, C) finite scores: about 1 for the right class and 0 for another one, the highest one wins.
+
+        ``distances`` are (Q, M) float64, infinite where a pair cannot be compared. Scores of a class none of
+        whose examples can be compared with the query do not count.
+        """
+        ...
+
+
 class Subsequences(Protocol):
     """Examples that are looked for in one stream, and how far into them it is now."""
 
@@ -257,6 +322,7 @@ INTERFACES: Mapping[str, type] = {
     "filter": Filter,
     "selector": Selector,
     "kernel": DistanceKernel,
+    "classifier": Classifier,
     "writer": ResultWriter,
     "engine": ExecutionEngine,
 }

@@ -41,7 +41,7 @@ class ReadOptions:
     fps : None or float
         Frames per second of files without times; 30 where it is left open.
     depth : bool
-        Keep the third coordinate; a file without one is refused.
+        Keep the third coordinate; a file without one is refused. Of the networks `blazepose` gives one.
 
     Examples
     --------

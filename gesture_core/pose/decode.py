@@ -24,6 +24,10 @@ PEAKS = 3
 LEAST_SCORE = 0.2
 """Of a box, and of a person's joints on average, where several people are told apart."""
 _FLOOR = 1e-4
+_AROUND = 3
+"""Cells of BlazePose's heat maps to each side of a landmark that are looked at, and, below, the height of one
+of them from which they know better than the landmark: as in MediaPipe."""
+_HEAT = 0.5
 
 
 def decode(
@@ -60,7 +64,7 @@ def decode(
     if people != "single":
         raise _cannot_tell_apart(f"{contract.layout} finds one person in a picture")
     if contract.layout == "blazepose":
-        return _blazepose(arrays)
+        return _blazepose(arrays, input_size)
     return _movenet(arrays[0], input_size) if contract.layout == "movenet" else _simcc(arrays, input_size)
 
 
@@ -148,9 +152,9 @@ def _yolo_pose(output: np.ndarray, people: str) -> list[list[Person]]:
     return found
 
 
-def _blazepose(outputs: list[np.ndarray]) -> list[list[Person]]:
-    """39 times x, y, z in pixels, visibility and presence as logits; and whether a person is there
-    (Bazarevsky et al. 2020, BlazePose)."""
+def _blazepose(outputs: list[np.ndarray], input_size: tuple[int, int]) -> list[list[Person]]:
+    """39 times x, y, z in pixels, visibility and presence as logits; whether a person is there; and heat
+    maps, by which x and y become finer (Bazarevsky et al. 2020, BlazePose)."""
     from scipy.special import expit
 
     landmarks = next((out.reshape(-1, 39, 5) for out in outputs if out[0].size == BLAZEPOSE), None)
@@ -162,11 +166,33 @@ def _blazepose(outputs: list[np.ndarray]) -> list[list[Person]]:
             remedy="the whole network, or another layout in its contract",
             code="E_MODEL_LAYOUT",
         )
+    places = landmarks[..., :2]
+    maps = next((out for out in outputs if out.ndim == 4 and out.shape[1] == landmarks.shape[1]), None)
+    if maps is not None:
+        cell = np.array(input_size[::-1], np.float32) / maps.shape[:1:-1]
+        places = cell * np.stack([_finer(*one) for one in zip(places / cell, maps, strict=True)])
     return [
-        [Person(points[:33], expit(one[:33, 3]), None, float(presence), points[33:35])]
-        for one, presence in zip(landmarks, there, strict=True)
-        for points in [one[:, :2] - 0.5]
+        [Person(points[:33], expit(one[:33, 3]), None, float(presence), points[33:35], depth=one[:33, 2])]
+        for one, points, presence in zip(landmarks, places - 0.5, there, strict=True)
     ]
+
+
+def _finer(places: np.ndarray, maps: np.ndarray) -> np.ndarray:
+    """Places (J, 2) in cells, each in the middle of what its heat map (J, h, w) of logits shows around it."""
+    from scipy.special import expit
+
+    high, wide = maps.shape[1:]
+    inside = np.asarray(((places >= 0) & (places < (wide, high))).all(axis=1))  # NaN is not
+    x, y = np.where(inside[:, None], places, 0).astype(int).T[..., None, None]
+    steps = np.arange(2 * _AROUND + 1)
+    framed = np.pad(maps, ((0, 0), (_AROUND, _AROUND), (_AROUND, _AROUND)), constant_values=-np.inf)
+    heat = expit(framed[np.arange(len(maps))[:, None, None], y + steps[:, None], x + steps])
+    total = heat.sum(axis=(1, 2))
+    known = inside & (heat.max(axis=(1, 2)) >= _HEAT)
+    middle = np.stack([(heat.sum(axis=axis) * steps).sum(axis=1) for axis in (1, 2)], axis=1)
+    found = middle / np.where(known, total, 1)[:, None] + np.stack([x, y], axis=1)[..., 0, 0] - _AROUND
+    finer: np.ndarray = np.where(known[:, None], found, places)
+    return finer
 
 
 def _overlap(one: np.ndarray, two: np.ndarray) -> float:

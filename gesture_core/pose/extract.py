@@ -11,7 +11,7 @@ import numpy as np
 from gesture_core.errors import ConfigError, PluginError, PoseError
 from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Traceable, lacking
 from gesture_core.plugin.registry import calling
-from gesture_core.pose.follow import Follower
+from gesture_core.pose.follow import Follower, Frame
 from gesture_core.pose.temporal import JointChoice
 from gesture_core.skeletons import skeleton
 from gesture_core.types import Person, PoseSequence
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from gesture_core.pose.region import RegionFollower
     from gesture_core.settings import Settings
 
-Frame = tuple[float, np.ndarray]
-REVISION = 4
+REVISION = 5
 """Goes up when the same network gives other keypoints than before: stored ones are then not used again."""
 
 
@@ -159,6 +158,7 @@ def extract_poses(
     points: list[np.ndarray] = []
     scores: list[np.ndarray] = []
     peaks: list[np.ndarray] = []
+    depths: list[np.ndarray | None] = []
     others = 0
     stream = iter(frames)
     while batch := list(islice(stream, backend.batch_size)):
@@ -169,9 +169,10 @@ def extract_poses(
             for everybody in backend.estimate(pictures, people):
                 tracker.add(everybody)
             continue
-        for person in follower.estimate(pictures) if follower else _best(backend, pictures):
+        for person in follower.estimate(batch) if follower else _best(backend, pictures):
             points.append(person.keypoints if person else np.full((joints, 2), np.nan))
             scores.append(person.scores if person else np.zeros(joints))
+            depths.append(person.depth if person else None)
             others += bool(person and person.others)
             if choice:
                 peaks.append(choice.peaks_of(person))
@@ -188,7 +189,10 @@ def extract_poses(
     where, certain = np.stack(points), np.stack(scores)
     if choice:
         where, certain = choice.choose(where, certain, np.stack(peaks), at)
-    return [PoseSequence(where, certain, at, backend.skeleton, size, 0, source, provenance)]
+    depth = None
+    if any(one is not None for one in depths):
+        depth = np.stack([np.full(joints, np.nan) if one is None else one for one in depths])
+    return [PoseSequence(where, certain, at, backend.skeleton, size, 0, source, provenance, depth)]
 
 
 def _best(backend: PoseBackend, pictures: Sequence[np.ndarray]) -> list[Person | None]:

@@ -25,6 +25,9 @@ from gesture_core.types import Person
 if TYPE_CHECKING:
     from gesture_core.plugin.interfaces import PoseBackend
 
+Frame = tuple[float, np.ndarray]
+"""Seconds, and a picture (H, W, 3) uint8 in BGR."""
+
 # Rough proportions of an adult in torso lengths (shoulders to hips; cf. Drillis and Contini 1966): a raised
 # hand ends 1.5 above the shoulders, the feet 2.8 below them; the shoulders are 0.75 wide. How far a
 # joint may lie from the middle of the shoulders has some room on top, because the torso is judged by
@@ -170,11 +173,12 @@ class Follower:
         self._pause = 0
         self._since_search = 0
 
-    def estimate(self, frames: Sequence[np.ndarray]) -> list[Person | None]:
-        """The person in each of ``frames``, (H, W, 3) uint8 in BGR, which follow those given before."""
+    def estimate(self, frames: Sequence[Frame]) -> list[Person | None]:
+        """The person in each of ``frames``, which follow those given before."""
         found: list[Person | None] = []
-        while len(found) < len(frames):
-            rest = frames[len(found) :]
+        pictures = [picture for _, picture in frames]
+        while len(found) < len(pictures):
+            rest = pictures[len(found) :]
             uncertain = self._level < CERTAIN and self._since_search >= RECHECK
             if self._window is None or uncertain:
                 self._window = self._search(rest[0])
@@ -188,7 +192,7 @@ class Follower:
             found += people[:end]
             self._pause = max(0, self._pause - end)
             self._since_search += end
-            self._window = self._moved(self._window, people[:end], frames[0])
+            self._window = self._moved(self._window, people[:end], pictures[0])
         return found
 
     def search(self, frame: np.ndarray) -> Body | None:

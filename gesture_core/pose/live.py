@@ -45,7 +45,7 @@ class LivePose:
 
     def push(self, time: float, frame: np.ndarray) -> PoseSequence:
         """The person in the next frame, (H, W, 3) uint8 in BGR, at its second: a sequence of one frame."""
-        person = self._find(frame)
+        person = self._find(time, frame)
         joints = len(self._body.joints)
         points = np.full((joints, 2), np.nan) if person is None else person.keypoints
         scores = np.zeros(joints) if person is None else person.scores
@@ -57,11 +57,12 @@ class LivePose:
             chosen, sure = self._choice.choose(where, certain, peaks, times)
             points, scores = chosen[-1], sure[-1]
         size = (frame.shape[1], frame.shape[0])
-        at = np.array([time])
-        return PoseSequence(points[None], scores[None], at, self._backend.skeleton, size, 0, self._source)
+        at, depth = np.array([time]), None if person is None or person.depth is None else person.depth[None]
+        name = self._backend.skeleton
+        return PoseSequence(points[None], scores[None], at, name, size, 0, self._source, depth=depth)
 
-    def _find(self, frame: np.ndarray) -> Person | None:
+    def _find(self, time: float, frame: np.ndarray) -> Person | None:
         if self._follower:
-            return self._follower.estimate([frame])[0]
+            return self._follower.estimate([(time, frame)])[0]
         people = self._backend.estimate([frame])[0]
         return people[0] if people else None

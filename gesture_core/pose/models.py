@@ -115,7 +115,7 @@ class KnownModel:
         ``package:path`` of a file that an installed package brings.
     gestures, frames : int
         Of those that ``auto`` chooses from: percentage of 15 gestures of a new person that were told apart by
-        examples of four others, every frame being looked at, and frames a second on one core.
+        examples of four others, at the default ``pose.rate``, and frames a second on one core.
     """
 
     name: str

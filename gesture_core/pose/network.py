@@ -302,7 +302,8 @@ class NetworkBackend(ABC):
         # Copies, so that the joints do not keep the peaks in memory.
         places, sure = found[:, 0, :2].copy(), found[:, 0, 2].copy()
         region = None if person.region is None else box.back(person.region)
-        person = replace(person, keypoints=places, scores=sure, peaks=peaks, region=region)
+        depth = None if person.depth is None else person.depth / np.float32(box.scale_x)
+        person = replace(person, keypoints=places, scores=sure, peaks=peaks, region=region, depth=depth)
         if self.contract.presence:
             facts = 1, self._anatomy.confidence(person), float((sure > 0).mean())
             logit = float(np.dot(self.contract.presence, facts))

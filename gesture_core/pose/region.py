@@ -3,6 +3,9 @@
 A network such as BlazePose (Bazarevsky et al. 2020) sees nothing but this square, and says where the next
 one lies: around the middle of the body, as wide as the body can reach. Where the network says that nobody is
 in it, another network searches the whole frame.
+
+What it says of a frame jitters, and the next square with it; both are smoothed as MediaPipe does, by what is
+known so far, so that a recording and a live stream give the same keypoints.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gesture_core.plugin.abilities import RegionFollowing
-from gesture_core.pose.follow import PAUSE, Anatomy, Body, Follower
+from gesture_core.pose.follow import PAUSE, Anatomy, Body, Follower, Frame
 from gesture_core.skeletons import COCO18, skeleton, to_coco18
 from gesture_core.types import Person
 
@@ -27,6 +30,10 @@ REACH = 1.75
 """Radius of that circle in torso lengths: the median of what BlazePose says in 3,300 frames."""
 _FARTHEST = 1e5
 """Pixels."""
+# Cutoff at rest in Hz, and how far it rises with the speed, in body sizes a second: MediaPipe's own figures.
+JOINTS, CIRCLE = (0.05, 80.0), (0.01, 10.0)
+_SPEED = 1.0
+"""Cutoff of the speed itself, in Hz."""
 LOOKS = 3
 """Times that a find is looked at, each time in the region that follows from it."""
 AGREED = 0.45
@@ -94,7 +101,40 @@ class Region:
             return moved.astype(np.float32)
 
         region = None if person.region is None else back(person.region)
-        return replace(person, keypoints=back(person.keypoints), region=region)
+        depth = None if person.depth is None else person.depth * np.float32(self.side / pixels)
+        return replace(person, keypoints=back(person.keypoints), region=region, depth=depth)
+
+
+class OneEuro:
+    """A low pass that opens with the speed of what it smooths (Casiez, Roussel and Vogel 2012).
+
+    Parameters
+    ----------
+    least : float
+        Cutoff of what stands still, in Hz.
+    rise : float
+        By how much the cutoff rises for each size that is covered in a second.
+    """
+
+    def __init__(self, least: float, rise: float) -> None:
+        self._least, self._rise = least, rise
+        self._time = -np.inf
+        self._raw = self._smooth = np.array(np.nan)
+        self._speed = np.array(0.0)
+
+    def __call__(self, time: float, values: np.ndarray, size: float) -> np.ndarray:
+        """``values`` of a second, smoothed; NaN stays NaN, and what comes after it is taken as it is."""
+        gap, self._time = time - self._time, time
+        speed = (values - self._raw) / size / max(gap, 1e-3)
+        self._speed = self._speed + _share(_SPEED, gap) * (np.nan_to_num(speed) - self._speed)
+        step = _share(self._least + self._rise * np.abs(self._speed), gap) * (values - self._smooth)
+        self._raw, self._smooth = values, np.where(np.isnan(step), values, self._smooth + step)
+        return self._smooth
+
+
+def _share(cutoff: float | np.ndarray, gap: float) -> float | np.ndarray:
+    """Of a new value in what a low pass says, ``gap`` seconds after the last one."""
+    return 1 - 1 / (1 + 2 * np.pi * cutoff * gap)
 
 
 class RegionFollower:
@@ -109,22 +149,40 @@ class RegionFollower:
         self._region: Region | None = None
         self._pause = 0
         self._wait = 0
+        self._joints, self._circle = OneEuro(*JOINTS), OneEuro(*CIRCLE)
 
-    def estimate(self, frames: Sequence[np.ndarray]) -> list[Person | None]:
-        """The person in each of ``frames``, (H, W, 3) uint8 in BGR, which follow those given before."""
-        return [self._next(frame) for frame in frames]
+    def estimate(self, frames: Sequence[Frame]) -> list[Person | None]:
+        """The person in each of ``frames``, which follow those given before."""
+        return [self._next(*frame) for frame in frames]
 
-    def _next(self, frame: np.ndarray) -> Person | None:
+    def _next(self, time: float, frame: np.ndarray) -> Person | None:
         person = self._look(frame, self._region)
         if person is None and self._wait == 0:
             person = self._search(frame)
+            self._joints, self._circle = OneEuro(*JOINTS), OneEuro(*CIRCLE)
             # Searched for at once, then ever more seldom.
             self._pause = min(2 * self._pause + 1, PAUSE) if person is None else 0
             self._wait = self._pause
         elif person is None:
             self._wait -= 1
+        if person is not None:
+            person = self._smoothed(person, time)
         self._region = _around(person)
         return person
+
+    def _smoothed(self, person: Person, time: float) -> Person:
+        """A person without jitter, in a square that does not jitter either."""
+        if person.region is None:
+            return person
+        size = max(2 * float(np.hypot(*(person.region[1] - person.region[0]))), 1.0)
+        depth = () if person.depth is None else (person.depth,)
+        joints = self._joints(time, np.column_stack([person.keypoints, *depth]), size)
+        return replace(
+            person,
+            keypoints=joints[:, :2],
+            region=self._circle(time, person.region, size),
+            depth=joints[:, 2] if depth else None,
+        )
 
     def _search(self, frame: np.ndarray) -> Person | None:
         """The person in a frame of which nothing is known; nobody is found who is not confirmed."""

@@ -94,7 +94,7 @@ def read_rows(
         "run": run.absolute().name,
         "preset": _preset(page.recognizer),
         "kind": "events" if spotted else "labels" if examples else "keypoints",
-        "margin_is": "score" if settings.classify.neighbors == 0 else "distance",
+        "margin_is": "score" if settings.classify.votes == 0 else "distance",
         "margin": settings.classify.margin,
         "reject": settings.classify.reject,
         "network": settings.pose.model,
@@ -285,7 +285,7 @@ class _Page:
         distances = recognizer.distances([signals for _, signals, _ in batch])
         for (one, signals, start), row in zip(batch, distances, strict=True):
             try:
-                found = explain(signals, recognizer.library, row, self.settings, recognizer.weights)
+                found = explain(signals, recognizer.library, row, self.settings, recognizer.fitted)
             except GestureError:
                 continue  # nothing could be compared, as its row says
             one.detail = alignment_record(found, start, starts)

@@ -185,6 +185,12 @@ def _read(system: Any, place: str, entry: Entry, path: Path, alive: Callable[[],
             temporary.write_text(content_sha256(path), "utf-8")
 
 
+def place_for(address: str, path: Path) -> Path:
+    """Where a worker fetches an object to: ``path``, if it is there already, else a folder of its own."""
+    digest = hashlib.sha256(shown(address).encode("utf-8", "surrogatepass")).hexdigest()[:16]
+    return path if path.is_file() else cache_dir() / "fetched" / digest / path.name
+
+
 def sha256_of(entry: Entry) -> str:
     """The SHA-256 of an object whose ETag was seen to be the hash of such content; else empty."""
     with suppress(OSError):
@@ -197,6 +203,8 @@ def drop(path: Path) -> None:
     for file in (path, path.with_name(f".{path.name}.stamp")):
         with suppress(OSError):
             file.unlink()
+    with suppress(OSError):  # others are in it
+        path.parent.rmdir()
 
 
 def _known(entry: Entry) -> Path:

@@ -190,15 +190,9 @@ class _Work:
                     yield number, _failed(clip, error)
                 else:
                     pose, begin, end = poses[0], clip.start - self.margin, clip.end + self.margin
-                    part = (pose.times >= begin - SAME) & (pose.times <= end + SAME)
-                    times = pose.times[part] - pose.times[part][0]
-                    own = replace(
-                        pose,
-                        keypoints=pose.keypoints[part],
-                        scores=pose.scores[part],
-                        times=times,
-                        person=0,
-                    )
+                    own = pose.part((pose.times >= begin - SAME) & (pose.times <= end + SAME))
+                    times = own.times - own.times[0]
+                    own = replace(own, times=times, person=0)
                     frames = len(times)
                     facts: dict[str, Any] = {
                         "frames_declared": None, "frames_read": frames, "frames_looked_at": frames,

@@ -193,7 +193,7 @@ def evaluate_archive(
     items = labelled_inputs(as_strings(sources), labels, label_columns, avoid, ready)
     who = [subject_of(item, subjects or labels, explicit=bool(subjects)) for item in items]
     examples = examples_of_split(items, train, protocol)
-    neighbors = max(candidate.classify.neighbors for candidate in candidates)
+    neighbors = max(candidate.classify.votes for candidate in candidates)
     check_protocol(protocol, items, who, examples, neighbors)
     listener = listener or Listener()
     poses, hashes, identity, assumed = _load(items, ready, workers, listener)

@@ -120,7 +120,7 @@ def explain(
     query = _query(row, people, settings)
     recognizer = recognizer or _recognizer(examples, people, settings)
     distances = recognizer.distances([query])[0]
-    found = explanation.explain(query, recognizer.library, distances, settings, recognizer.weights)
+    found = explanation.explain(query, recognizer.library, distances, settings, recognizer.fitted)
     mirrored = settings.classify.mirror is not None
     sided = sided_labels({str(label) for label in recognizer.library.labels}) if mirrored else ()
     return RowExplanation(row, found, _file_name(row, rows), tuple(sided))

@@ -77,6 +77,7 @@ def _video_identity(settings: Settings) -> dict[str, Any]:
         "extraction": REVISION,
         "settings": settings.as_dict()["pose"],
         "times": settings.as_dict()["video"],
+        **({"depth": True} if settings.keypoints.depth else {}),
         "backend": plugins.find("pose", settings.pose.backend).identity,
         "options": settings.plugin_options(settings.pose.backend),
         "reader": {

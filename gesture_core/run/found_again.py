@@ -12,7 +12,7 @@ from gesture_core.errors import GestureError, InputError
 from gesture_core.files import printable
 from gesture_core.records import Job
 from gesture_core.run.addresses import fetch, is_address, look
-from gesture_core.run.inputs import VIDEO_SUFFIXES, Input, Walk, exists
+from gesture_core.run.inputs import Input, Walk, exists
 from gesture_core.run.readers import Readers
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
@@ -64,10 +64,11 @@ def look_again(places: Places, settings: Settings) -> dict[str, Input | None]:
 
 def _fetched_again(name: str, readers: Readers) -> Input | None:
     """The input of an address, fetched; None where it is not there."""
-    whole = name if Path(name).suffix.lower() in VIDEO_SUFFIXES else name.rpartition("::")[0] or name
-    with suppress(GestureError):
-        item = next((one for one in Walk(None, readers).address(whole) if one.name == name), None)
-        if item:
-            fetch(look(item.address), item.path)
-        return item
+    for whole in (name, name.rpartition("::")[0]):  # which may end in the name of a sequence in a file
+        with suppress(GestureError):
+            every = Walk(None, readers).address(whole) if whole else ()
+            item = next((one for one in every if one.name == name), None)
+            if item:
+                fetch(look(item.address), item.path)
+                return item
     return None

@@ -1,6 +1,26 @@
-"""Registers the built-in result writers and execution engines."""
+"""Registers the built-in classifiers, result writers and execution engines."""
 
 from gesture_core.plugin.hooks import Register, hookimpl
+
+
+@hookimpl
+def register_classifiers(register: Register) -> None:
+    register(
+        "nearest",
+        "gesture_core.classify.classifiers:Nearest",
+        summary="the vote of the nearest examples (Cover and Hart 1967)",
+    )
+    register(
+        "weighed",
+        "gesture_core.classify.classifiers:Weighed",
+        summary="all examples, by a linear discriminant on their similarities (Pekalska and Duin 2002)",
+    )
+    register(
+        "rocket",
+        "gesture_core.classify.rocket:Rocket",
+        summary="the signals themselves, by random convolutions (Dempster, Schmidt and Webb 2021)",
+    )
+    register("blend", "gesture_core.classify.rocket:Blend", summary="weighed, and a quarter as much rocket")
 
 
 @hookimpl

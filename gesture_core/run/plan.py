@@ -206,9 +206,9 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
 
 def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:
     """Raise what too few examples would raise, before hours of extraction instead of after them."""
-    if settings.classify.neighbors > len(examples):
+    if settings.classify.votes > len(examples):
         raise ConfigError(
-            f"{settings.classify.neighbors} neighbours of {len(examples)} examples",
+            f"{settings.classify.votes} neighbours of {len(examples)} examples",
             remedy=f"--neighbors 1 to {len(examples)}, or 0 for all of them, weighed",
             code="E_NEIGHBORS",
         )

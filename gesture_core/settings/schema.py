@@ -135,24 +135,26 @@ class SignalSettings(_Section):
 class ClassifySettings(_Section):
     """The decision.
 
-    Soft distances (`dtw.gamma`) may be negative, and take none of ``neighbors = 0``, `mirror`, `coverage`
-    and `relative`.
+    Soft distances (`dtw.gamma`) may be negative, and take the classifier ``nearest`` alone, and none of
+    `mirror`, `coverage` and `relative`.
 
     Attributes
     ----------
     kernel : str
         Name of a distance kernel, or ``auto``.
+    classifier : str
+        Name of a classifier. ``auto`` is ``nearest`` with `neighbors` of 1 or more, and ``weighed`` with 0.
     neighbors : int
-        How many of the nearest examples vote; with 0, all examples decide, and the weight of each for
-        each class is learned from the distances among them (`gesture_core.classify.learning`).
+        Of ``nearest``: how many of the nearest examples vote. Of ``auto``: with 0, all examples decide, and
+        the weight of each for each class is learned from the distances among them.
     sharpness : float
-        With ``neighbors = 0``: a similarity is exp(-sharpness * d), where d is 1 for an example of
+        Of ``weighed`` and ``blend``: a similarity is exp(-sharpness * d), where d is 1 for an example of
         another class at its usual distance.
     shrinkage : float
-        With ``neighbors = 0``: penalty on the squared weights; more makes all examples more alike.
+        Of ``weighed`` and ``blend``: penalty on the squared weights; more makes all examples more alike.
     landmarks : int
-        With ``neighbors = 0``: of more examples than this, those that queries are compared with, spread
-        evenly over each class in the order of the examples; what they count for is learned from all.
+        Of any classifier but ``nearest``: of more examples than this, those that queries are compared with,
+        spread evenly over each class in the order of the examples; what they count for is learned from all.
     reject : None or float
         Distances above this get no label.
     reject_sd : None or float
@@ -160,7 +162,7 @@ class ClassifySettings(_Section):
         where ``reject`` is set too, the lower of the two counts.
     margin : None or float
         Labels with a smaller margin are rejected (E_UNSURE). The margin is the lead of the winner's
-        score where all examples decide (0 to about 1), otherwise of its distance.
+        distance with ``nearest``, otherwise of its score (0 to about 1).
     confidence : None or float
         Labels that are right with a smaller probability than this are rejected (E_UNSURE). The probability is
         calibrated on the examples, each of which is decided by the others; some class needs two.
@@ -190,6 +192,7 @@ class ClassifySettings(_Section):
     """
 
     kernel: str = "auto"
+    classifier: str = "auto"
     neighbors: int = 1
     sharpness: float = 3.0
     shrinkage: float = 0.1
@@ -207,6 +210,18 @@ class ClassifySettings(_Section):
     rest: float = 0.0
     balance: bool = False
     weights: tuple[str, ...] = ()
+
+    @property
+    def decides(self) -> str:
+        """The classifier, where ``auto`` is none."""
+        if self.classifier == "auto":
+            return "nearest" if self.neighbors else "weighed"
+        return self.classifier
+
+    @property
+    def votes(self) -> int:
+        """How many neighbours vote; 0 where scores decide and not the nearest examples."""
+        return max(1, self.neighbors) if self.decides == "nearest" else 0
 
 
 @dataclass(frozen=True)
@@ -368,7 +383,8 @@ class Settings:
         for name in dict.fromkeys([*chosen.filters, *self.spot.chain]):
             steps.append(("filter", name))
         kernel = self.classify.kernel
-        return steps if kernel in ("", "auto") else [*steps, ("kernel", kernel)]
+        steps += [] if kernel in ("", "auto") else [("kernel", kernel)]
+        return [*steps, ("classifier", self.classify.decides)]
 
     def plugin_options(self, name: str) -> dict[str, Any]:
         """Keyword arguments of plugin ``name``."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -66,8 +66,7 @@ def require_pose(pose: PoseSequence, rule: GapRule) -> PoseSequence:
     first, last = np.flatnonzero(with_pose)[[0, -1]]
     if first == 0 and last == frames - 1:
         return pose
-    cut = slice(first, last + 1)
-    return replace(pose, keypoints=pose.keypoints[cut], scores=pose.scores[cut], times=pose.times[cut])
+    return pose.part(slice(first, last + 1))
 
 
 def fill_gaps(points: np.ndarray, times: np.ndarray, rule: GapRule) -> tuple[np.ndarray, np.ndarray]:

@@ -91,7 +91,8 @@ def repaired(pose: PoseSequence) -> Repair:
     if not (frames or zero.any()):
         return Repair(pose, 0)
     keypoints = np.where((wrong | zero)[..., None], np.float32(np.nan), keypoints)
-    return Repair(replace(pose, keypoints=keypoints, scores=scores), frames)
+    # No step uses depth, and joints that changed sides would keep that of the other side.
+    return Repair(replace(pose, keypoints=keypoints, scores=scores, depth=None), frames)
 
 
 def _torso(pose: PoseSequence) -> tuple[np.ndarray, np.ndarray]:

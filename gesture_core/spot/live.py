@@ -68,6 +68,7 @@ class LiveSignals:
                 keypoints=np.concatenate([self.pose.keypoints[kept], pose.keypoints[one]]),
                 scores=np.concatenate([self.pose.scores[kept], pose.scores[one]]),
                 times=np.concatenate([self.pose.times[kept], pose.times[one]]),
+                depth=None,
             )
             if now - self.pose.times[0] < _WARM or not seen:
                 continue
@@ -79,14 +80,7 @@ class LiveSignals:
         """Signals of the times up to a moment ago that had none yet."""
         recent = slice(int(np.searchsorted(self.pose.times, now - WINDOW)), None)
         try:
-            made = self._chain(
-                replace(
-                    self.pose,
-                    keypoints=self.pose.keypoints[recent],
-                    scores=self.pose.scores[recent],
-                    times=self.pose.times[recent],
-                )
-            )
+            made = self._chain(self.pose.part(recent))
         except GestureError:  # too little is seen yet; a person who is lost for longer ends the stream
             return None
         new = (made.times > self._done) & (made.times <= now - LOOKAHEAD)

@@ -46,5 +46,4 @@ def spans(pose: PoseSequence, gap: float) -> Iterator[PoseSequence]:
 
 def part_of(pose: PoseSequence, start: int, stop: int) -> PoseSequence:
     """The frames from ``start`` to before ``stop``."""
-    cut = slice(start, stop)
-    return replace(pose, keypoints=pose.keypoints[cut], scores=pose.scores[cut], times=pose.times[cut])
+    return pose.part(slice(start, stop))

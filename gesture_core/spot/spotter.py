@@ -256,8 +256,8 @@ class Spotter:
     def _judged(self, candidates: Sequence[Candidate], pose: PoseSequence) -> list[Candidate]:
         """The candidates whose cut the classifier gives the same label, the surer it is the better ranked.
 
-        Where all examples decide, a score is about 1 for the right class and 0 for another one; at one half
-        a candidate keeps its distance.
+        A score is about 1 for the right class and 0 for another one, but where the nearest examples vote; at
+        one half a candidate keeps its distance.
         """
         recognizer: Recognizer | None = self.examples.recognizer
         if recognizer is None:
@@ -267,7 +267,7 @@ class Spotter:
             code = int(scores.argmax())
             label = recognizer.library.classes[code]
             if np.isfinite(scores[code]) and label == self.examples.classes[one.code]:
-                sure = max(2 * float(scores[code]), _LEAST) if recognizer.weights is not None else 1.0
+                sure = max(2 * float(scores[code]), _LEAST) if not recognizer.fitted.votes else 1.0
                 kept.append(replace(one, rank=one.distance / sure))
         return kept
 

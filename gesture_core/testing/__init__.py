@@ -18,6 +18,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gesture_core.testing.classifiers import CLASSIFIER_CHECKS
     from gesture_core.testing.engines import ENGINE_CHECKS
     from gesture_core.testing.kernels import KERNEL_CHECKS, Case, compare, draw_batch, reference_table
     from gesture_core.testing.poses import POSE_CHECKS, draw_frames
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from gesture_core.testing.writers import WRITER_CHECKS, draw_rows
 
 _MODULES = {
+    "CLASSIFIER_CHECKS": "classifiers",
     "Case": "kernels",
     "ENGINE_CHECKS": "engines",
     "FILTER_CHECKS": "signals",
@@ -54,6 +56,7 @@ _MODULES = {
 }
 
 __all__ = [
+    "CLASSIFIER_CHECKS",
     "ENGINE_CHECKS",
     "FILTER_CHECKS",
     "KERNEL_CHECKS",

@@ -193,6 +193,7 @@ def check_single_frames(kernel: DistanceKernel) -> None:
     difference = np.abs(values[:, 0] - values[:, 0].T)
     for spec in _plainest(kernel):
         expected = difference**2 if spec.cost == "squared" else difference
+        expected = expected / 2 if spec.length_norm else expected
         expected = np.sqrt(expected) if spec.root else expected
         np.testing.assert_array_equal(kernel.distances(kernel.prepare(batch, spec), batch), expected)
 

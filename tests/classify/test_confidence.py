@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from gesture_core import GestureClassifier
+from gesture_core.classify.classifiers import learn
 from gesture_core.classify.decision import probabilities, temperature_of, votes_of
 from gesture_core.classify.evaluation import Compared, Labelled, answer
-from gesture_core.classify.learning import learn
 from gesture_core.classify.scores import Answer, Evaluation
 from gesture_core.errors import InputError
 from gesture_core.settings import Settings, load_settings
@@ -27,7 +27,10 @@ def clouds(seed: int, each: int, spread: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def limited(confidence: float | None, neighbors: int = 0) -> Settings:
-    changed = replace(MODERN.classify, confidence=confidence, neighbors=neighbors, reject=None)
+    name = "auto" if neighbors else "weighed"
+    changed = replace(
+        MODERN.classify, confidence=confidence, classifier=name, neighbors=neighbors, reject=None
+    )
     return replace(MODERN, classify=changed)
 
 
@@ -78,10 +81,10 @@ def test_evaluation_calibrates_on_the_examples_of_each_fold_alone() -> None:
     for one in found.answers[::7]:
         train = np.flatnonzero(who != one.subject)
         among = data.within[np.ix_(train, train)]
-        heat = temperature_of(among, codes[train], 4, data.settings.classify)
-        weights = learn(codes[train], 4, data.settings.classify, among)[2]
+        fitted = learn(data.settings, (), codes[train], 4, among)[2]
+        heat = temperature_of(fitted, among)
         row = data.within[int(one.name)][train][None]
-        votes = votes_of(row, codes[train], 4, 0, weights, heat)
+        votes = votes_of(fitted, row)
         assert one.confidence == probabilities(votes.scores, heat).max()
     assert all(np.isnan(a.confidence) for a in answer(data, "leave-one-subject-out").answers)
     assert found.calibration_error is not None and found.calibration_error < 0.1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fits import by_votes
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -39,22 +40,24 @@ def test_votes_agree_with_scikit_learn_where_nothing_ties(seed: int, k: int) -> 
     within, distances = np.zeros((12, 12)), random.permutation(84).reshape(7, 12) + 1.0
     codes = random.permutation(np.repeat([0, 1], 6))  # two classes and odd k: no tied count
     judge = KNeighborsClassifier(k, metric="precomputed").fit(within, codes)
-    np.testing.assert_array_equal(votes_of(distances, codes, 2, k).winners, judge.predict(distances))
+    np.testing.assert_array_equal(
+        votes_of(by_votes(codes, 2, k), distances).winners, judge.predict(distances)
+    )
 
 
 def test_a_tied_vote_goes_to_the_class_of_the_nearer_example() -> None:
     distances = np.array([[3.0, 1.0, 2.0, 4.0]])
-    assert votes_of(distances, np.array([0, 1, 0, 1]), 2, 4).winners.tolist() == [1]
+    assert votes_of(by_votes(np.array([0, 1, 0, 1]), 2, 4), distances).winners.tolist() == [1]
 
 
 def test_equal_distances_go_to_the_first_example() -> None:
     distances = np.ones((1, 3))
-    assert votes_of(distances, np.array([2, 0, 1]), 3, 3).winners.tolist() == [2]
+    assert votes_of(by_votes(np.array([2, 0, 1]), 3, 3), distances).winners.tolist() == [2]
 
 
 def test_examples_that_cannot_be_compared_have_no_vote() -> None:
     distances = np.array([[np.inf, np.inf, 5.0], [np.nan, np.inf, np.nan]])
-    votes = votes_of(distances, np.array([0, 0, 1]), 2, 3)
+    votes = votes_of(by_votes(np.array([0, 0, 1]), 2, 3), distances)
     assert votes.winners.tolist() == [1, -1]
     assert votes.distances.tolist() == [5.0, np.inf]
 
@@ -64,7 +67,7 @@ def test_margin_is_the_distance_of_the_other_classes_minus_that_of_the_winner(
     distances: np.ndarray, k: int
 ) -> None:
     codes = np.array([0, 1, 2, 0, 1, 2])
-    votes = votes_of(distances, codes, 3, k)
+    votes = votes_of(by_votes(codes, 3, k), distances)
     clean = np.where(np.isnan(distances), np.inf, distances)
     for row, winner, distance, margin in zip(
         clean, votes.winners, votes.distances, votes.margins, strict=True
@@ -133,7 +136,8 @@ def test_thresholds_need_two_examples_of_some_class() -> None:
 
 def test_rejected_and_incomparable_queries_have_a_reason_and_no_label() -> None:
     library = ExampleLibrary.of([*QUERY, *QUERY], ["a", "b"], ["one", "two"])
-    far, none = decide(np.array([[5.0, 7.0], [np.inf, np.nan]]), QUERY * 2, library, 2, np.array([4.0, 9.0]))
+    distances, fitted = np.array([[5.0, 7.0], [np.inf, np.nan]]), by_votes(library.codes, 2, 2)
+    far, none = decide(distances, QUERY * 2, library, fitted, np.array([4.0, 9.0]))
     assert (far.label, far.status, far.code, far.margin) == (None, "rejected", "E_REJECTED", 2.0)
     assert far.neighbors == (("one", "a", 5.0), ("two", "b", 7.0))
     assert "4" in far.message
@@ -143,7 +147,7 @@ def test_rejected_and_incomparable_queries_have_a_reason_and_no_label() -> None:
 
 def test_a_single_class_has_no_margin() -> None:
     library = ExampleLibrary.of(QUERY, ["a"], ["one"])
-    (found,) = decide(np.array([[1.0]]), QUERY, library)
+    (found,) = decide(np.array([[1.0]]), QUERY, library, by_votes(library.codes, 1))
     assert (found.label, found.margin) == ("a", None)
 
 

@@ -68,7 +68,7 @@ def test_a_decision_is_explained_by_the_distances_that_made_it(preset: str, tmp_
     model = GestureClassifier(preset).fit(examples, ["up", "side", "knee"], ["one", "two", "three"])
     query = signals_of(model, pose(swing("right_wrist" if preset == "modern" else "left_wrist", 1, 1.1)))
     row = model.distances([query])[0]
-    found = explain(query, model.library_, row, model.settings_)
+    found = explain(query, model.library_, row, model.settings_, model._recognizer.fitted)
     assert (found.nearest.label, found.nearest.example) == ("up", "one")
     assert found.nearest.mirrored == (preset == "modern")
     assert found.nearest.distance == pytest.approx(row.min(), rel=1e-3)
@@ -88,7 +88,7 @@ def test_what_several_neighbours_voted_for_is_explained_and_not_the_nearest_exam
     model = GestureClassifier(settings).fit(poses, ["near", "many", "many"], list(sizes))
     query = signals_of(model, pose(swing(size=94)))
     (answer,) = model.predictions([query])
-    found = explain(query, model.library_, model.distances([query])[0], settings)
+    found = explain(query, model.library_, model.distances([query])[0], settings, model._recognizer.fitted)
     assert found.runner_up is not None
     assert (found.nearest.label, found.nearest.example) == (answer.label, "two") == ("many", "two")
     assert (found.runner_up.label, found.runner_up.example) == ("near", "one")
@@ -98,7 +98,9 @@ def test_what_several_neighbours_voted_for_is_explained_and_not_the_nearest_exam
 def test_one_class_has_no_runner_up_and_still_a_plot(tmp_path: Path) -> None:
     model = GestureClassifier("paper").fit([pose(swing())], ["up"])
     query = signals_of(model, pose(swing(size=80)))
-    found = explain(query, model.library_, model.distances([query])[0], model.settings_)
+    found = explain(
+        query, model.library_, model.distances([query])[0], model.settings_, model._recognizer.fitted
+    )
     assert found.runner_up is None
     _check_picture(explanation_plot(found, "one class", tmp_path / "one.png"))
 
@@ -107,7 +109,13 @@ def test_nothing_in_common_cannot_be_explained() -> None:
     model = GestureClassifier("paper").fit([pose(swing())], ["up"])
     query = signals_of(model, pose(swing()))
     with pytest.raises(InputError, match="E_NO_COMMON"):
-        explain(query, model.library_, np.array([np.nan]), load_settings("paper", environment={}))
+        explain(
+            query,
+            model.library_,
+            np.array([np.nan]),
+            load_settings("paper", environment={}),
+            model._recognizer.fitted,
+        )
 
 
 def _check_picture(path: Path) -> None:

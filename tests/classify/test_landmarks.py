@@ -11,8 +11,9 @@ from swings import pose, swing
 
 from gesture_core import GestureClassifier
 from gesture_core.classify import comparison
+from gesture_core.classify.classifiers import landmarks, learn
 from gesture_core.classify.evaluation import Compared, Labelled, answer
-from gesture_core.classify.learning import landmarks, learn, learn_weights
+from gesture_core.classify.learning import learn_weights
 from gesture_core.records import Job, encoded
 from gesture_core.run.store import write_keypoints
 from gesture_core.run.workers.decision import Decider
@@ -20,7 +21,7 @@ from gesture_core.run.workers.worker import Worker
 from gesture_core.settings import ClassifySettings, Settings, load_settings
 from gesture_core.types import Signals
 
-EVERY = ClassifySettings(neighbors=0)
+EVERY = ClassifySettings(classifier="weighed")
 
 
 def clouds(seed: int, each: int) -> tuple[np.ndarray, np.ndarray]:
@@ -39,11 +40,11 @@ def test_few_examples_are_all_compared() -> None:
     places, codes = clouds(0, 10)
     within = np.abs(places[:, None] - places[None])
     assert landmarks(codes, EVERY).tolist() == list(range(30))
-    kept, _, weights = learn(codes, 3, EVERY, within)
-    assert weights is not None and len(kept) == 30
+    kept, _, fitted = learn(under(512), (), codes, 3, within)
+    assert len(kept) == 30
     plain = learn_weights(within, codes, 3, EVERY.sharpness, EVERY.shrinkage)
-    np.testing.assert_array_equal(weights.weights, plain.weights)
-    np.testing.assert_array_equal(weights.scales, plain.scales)
+    np.testing.assert_array_equal(fitted.state["weights"], plain.weights)
+    np.testing.assert_array_equal(fitted.state["scales"], plain.scales)
 
 
 def test_each_class_keeps_its_share_and_one_at_least() -> None:
@@ -53,7 +54,7 @@ def test_each_class_keeps_its_share_and_one_at_least() -> None:
     assert marks.tolist() == sorted(set(marks.tolist()))
     assert {0, 89} <= set(marks.tolist())
     for other in (
-        replace(EVERY, landmarks=20, neighbors=1),
+        replace(EVERY, landmarks=20, classifier="auto"),
         replace(EVERY, landmarks=20, representative=True),
     ):
         assert len(landmarks(codes, other)) == 100

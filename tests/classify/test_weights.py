@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fits import by_votes, by_weights
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.linear_model import Ridge
@@ -25,7 +26,7 @@ from gesture_core.run.pipeline import RunSummary
 from gesture_core.settings import load_settings
 from gesture_core.types import Signals
 
-ALL = load_settings("modern", ["neighbors=0"], environment={})
+ALL = load_settings("modern", ["classifier=weighed"], environment={})
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -74,8 +75,7 @@ def test_weights_are_those_of_ridge_regression(
 def test_with_one_example_a_class_all_alike_the_nearest_decides(seed: int, classes: int) -> None:
     distances = np.random.default_rng(seed).uniform(0.1, 2.0, (20, classes))
     codes = np.arange(classes)
-    weights = learned(1.0 - np.eye(classes), codes)
-    votes = votes_of(distances, codes, classes, 0, weights)
+    votes = votes_of(by_weights(1.0 - np.eye(classes), codes), distances)
     np.testing.assert_array_equal(votes.winners, distances.argmin(axis=1))
     np.testing.assert_array_equal(votes.distances, distances.min(axis=1))
 
@@ -103,8 +103,8 @@ def test_examples_that_agree_outvote_one_that_is_near_to_everything() -> None:
     within[5, :3] = within[:3, 5] = 0.2
     np.fill_diagonal(within, 0)
     query = np.array([[0.2, 0.2, 0.2, 1.0, 1.0, 0.19]])
-    assert votes_of(query, codes, 2, 1).winners.tolist() == [1]
-    assert votes_of(query, codes, 2, 0, learned(within, codes)).winners.tolist() == [0]
+    assert votes_of(by_votes(codes, 2), query).winners.tolist() == [1]
+    assert votes_of(by_weights(within, codes), query).winners.tolist() == [0]
 
 
 def test_a_class_of_one_example_is_met_beside_a_class_of_many() -> None:
@@ -113,7 +113,7 @@ def test_a_class_of_one_example_is_met_beside_a_class_of_many() -> None:
     codes = np.array([0] * 30 + [1])
     within = np.linalg.norm(points[:, None] - points[None], axis=2)
     query = np.linalg.norm(np.array([[2.6, 0.1]])[:, None] - points[None], axis=2)
-    assert votes_of(query, codes, 2, 0, learned(within, codes)).winners.tolist() == [1]
+    assert votes_of(by_weights(within, codes), query).winners.tolist() == [1]
 
 
 def test_a_class_of_one_example_takes_little_from_a_class_of_many() -> None:
@@ -122,9 +122,7 @@ def test_a_class_of_one_example_takes_little_from_a_class_of_many() -> None:
     codes = np.array([0] * 30 + [1])
     within = np.linalg.norm(points[:, None] - points[None], axis=2)
     fresh = random.normal(size=(1000, 2))
-    votes = votes_of(
-        np.linalg.norm(fresh[:, None] - points[None], axis=2), codes, 2, 0, learned(within, codes)
-    )
+    votes = votes_of(by_weights(within, codes), np.linalg.norm(fresh[:, None] - points[None], axis=2))
     assert (votes.winners == 1).sum() < 40  # the nearest example takes 6, the coding of Ye (2007) 269
     assert np.median(votes.margins[votes.winners == 0]) > 0.5
 
@@ -145,7 +143,7 @@ def test_what_cannot_be_compared_counts_for_nothing() -> None:
     distances[0] = np.nan
     distances[1, codes == 2] = np.inf
     assert not weights.similarities(distances[:1]).any()
-    votes = votes_of(distances, codes, 3, 0, weights)
+    votes = votes_of(by_weights(within, codes), distances)
     assert votes.winners[0] == -1
     assert (votes.distances[0], votes.margins[0]) == (np.inf, np.inf)
     assert votes.winners[1] in (0, 1)
@@ -154,39 +152,35 @@ def test_what_cannot_be_compared_counts_for_nothing() -> None:
 
 def test_far_from_everything_the_order_stands_and_the_lead_is_gone() -> None:
     within, distances, codes = plane(2, 9)
-    weights = learned(within, codes)
-    far = votes_of(distances + 1e6, codes, 3, 0, weights)
-    near = votes_of(distances, codes, 3, 0, weights)
+    fitted = by_weights(within, codes)
+    far, near = votes_of(fitted, distances + 1e6), votes_of(fitted, distances)
     assert far.margins.tolist() == [0.0] * 4
     assert np.isfinite(far.distances).all()
     assert (near.margins > 0).all()
     # The same amount more to examples of equal scales multiplies all scores alike.
-    alike = replace(weights, scales=np.ones(9))
-    moved, still = (votes_of(distances + more, codes, 3, 0, alike) for more in (1e3, 0.0))
+    alike = replace(fitted, state={**fitted.state, "scales": np.ones(9)})
+    moved, still = (votes_of(alike, distances + more) for more in (1e3, 0.0))
     assert moved.winners.tolist() == still.winners.tolist()
 
 
 @pytest.mark.parametrize("within", [np.full((3, 3), value) for value in (0.0, 1e-310, np.inf, np.nan)])
 def test_degenerate_libraries_still_answer(within: np.ndarray) -> None:
     codes = np.array([0, 1, 1])
-    weights = learned(within, codes)
-    votes = votes_of(np.array([[0.0, 1.0, 2.0], [3.0, 0.5, np.inf]]), codes, 2, 0, weights)
+    fitted = by_weights(within, codes)
+    votes = votes_of(fitted, np.array([[0.0, 1.0, 2.0], [3.0, 0.5, np.inf]]))
     assert set(votes.winners.tolist()) <= {0, 1}
-    assert np.isfinite(weights.weights).all()
+    assert np.isfinite(fitted.state["weights"]).all()
 
 
 def test_equal_scores_go_to_the_nearer_class_then_to_that_of_the_first_example() -> None:
     within = np.array([[0.0, 1.0], [1.0, 0.0]])
-    weights = learned(within, np.array([1, 0]))
-    votes = votes_of(np.array([[0.4, 0.4]]), np.array([1, 0]), 2, 0, weights)
+    votes = votes_of(by_weights(within, np.array([1, 0])), np.array([[0.4, 0.4]]))
     assert votes.winners.tolist() == [1]
     assert votes.margins.tolist() == [0.0]
 
 
 def test_one_class_always_leads() -> None:
-    votes = votes_of(
-        np.array([[0.4, 0.4]]), np.zeros(2, int), 1, 0, learned(np.ones((2, 2)), np.zeros(2, int))
-    )
+    votes = votes_of(by_weights(np.ones((2, 2)), np.zeros(2, int)), np.array([[0.4, 0.4]]))
     assert (votes.winners.tolist(), votes.margins.tolist()) == ([0], [np.inf])
 
 
@@ -217,7 +211,7 @@ def test_the_classifier_lets_all_examples_decide() -> None:
         assert sorted(each for _, each, _ in row.neighbors) == ["side", "twice", "up"]
         assert row.neighbors[0][1:] == (label, row.distance)
         assert row.margin is not None and 0 < row.margin < 2
-    assert GestureClassifier(ALL, n_neighbors=1).fit(poses, labels).weights_ is None
+    assert GestureClassifier("modern", n_neighbors=1).fit(poses, labels).weights_ is None
 
 
 def test_a_large_library_shows_that_it_is_alive(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -260,7 +254,7 @@ def test_a_small_margin_gives_no_label() -> None:
 
 def test_with_one_class_no_margin_is_asked_for() -> None:
     library = ExampleLibrary((np.zeros((3, 1)),), ("a",), ("one",))
-    (row,) = decide(np.array([[1.0]]), [np.zeros((3, 1))], library, margin=0.5)
+    (row,) = decide(np.array([[1.0]]), [np.zeros((3, 1))], library, by_votes(library.codes, 1), margin=0.5)
     assert (row.label, row.margin) == ("a", None)
 
 
@@ -283,7 +277,7 @@ def test_an_explanation_is_what_the_examples_add() -> None:
     (query,) = model.signals(gestures(1, 1)[0][:1])
     assert isinstance(query, Signals)
     row = model.distances([query])[0]
-    found = explain(query, model.library_, row, ALL, model.weights_)
+    found = explain(query, model.library_, row, ALL, model._recognizer.fitted)
     (answer,) = model.predictions([query])
     assert found.runner_up is not None
     assert [found.nearest.label, found.runner_up.label] == [label for _, label, _ in answer.neighbors[:2]]
@@ -293,7 +287,7 @@ def test_an_explanation_is_what_the_examples_add() -> None:
     sizes = [abs(each.added) for each in found.contributions]
     assert sizes == sorted(sizes, reverse=True)
     alone = GestureClassifier(ALL).fit(poses[:2], labels[:2])
-    found = explain(query, alone.library_, alone.distances([query])[0], ALL, alone.weights_)
+    found = explain(query, alone.library_, alone.distances([query])[0], ALL, alone._recognizer.fitted)
     assert (found.runner_up, found.contributions, found.lead) == (None, (), 0.0)
 
 

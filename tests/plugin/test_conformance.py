@@ -78,11 +78,11 @@ def test_a_kind_has_an_interface_a_suite_a_template_and_a_page(kind: str, tmp_pa
 
 
 def test_an_unknown_kind_has_no_suite() -> None:
-    with pytest.raises(ValueError, match="one of engine, filter, kernel"):
+    with pytest.raises(ValueError, match="one of classifier, engine, filter, kernel"):
         checks_for("colour")
 
 
-@pytest.mark.parametrize(("kind", "name", "check"), every("kernel", "writer", "video", *CHAIN))
+@pytest.mark.parametrize(("kind", "name", "check"), every("kernel", "classifier", "writer", "video", *CHAIN))
 def test_the_contract(kind: str, name: str, check: Callable[[object], None]) -> None:
     check(registry().make(kind, name))
 

@@ -36,6 +36,7 @@ NAMES = {
     "filter": "speed",
     "selector": "lively",
     "kernel": "plain",
+    "classifier": "middle",
     "writer": "markdown",
     "engine": "here",
 }

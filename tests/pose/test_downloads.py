@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import http.server
+import re
 import sys
 import threading
 import venv
@@ -12,14 +13,16 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from tiny_networks import dot_network
 
 from gesture_core.cli.main import run
 from gesture_core.errors import ModelError
+from gesture_core.files import cache_dir
 from gesture_core.pose import models as models_module
-from gesture_core.pose.downloads import get_model
+from gesture_core.pose.downloads import downloaded, get_model
 from gesture_core.pose.model_store import add_model, added_names, read_card
 from gesture_core.pose.models import KnownModel, find_model, known_models
 
@@ -33,6 +36,7 @@ def sha(path: Path) -> str:
 @pytest.fixture(autouse=True)
 def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder of the user's own."""
+    monkeypatch.setenv("GESTURE_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("GESTURE_MODELS", str(tmp_path / "models"))
     monkeypatch.delenv("GESTURE_OFFLINE", raising=False)
     return tmp_path / "models"
@@ -183,3 +187,103 @@ def test_another_file_under_a_known_name_is_fetched_anew(
     assert sha(other) != sha(network)
     add_model(other, "tiny")
     assert get_model("tiny")[0].sha256 == sha(network)
+
+
+class Flaky(http.server.BaseHTTPRequestHandler):
+    """Offers one file by parts; each answer ends after so many bytes of it."""
+
+    content = bytes(range(256)) * 2000
+    after, ranges = 10**9, True
+    asked: ClassVar[list[int]] = []
+    protocol_version = "HTTP/1.1"
+
+    def do_GET(self) -> None:
+        found = re.fullmatch(r"bytes=(\d+)-", self.headers.get("Range", "")) if self.ranges else None
+        start = int(found[1]) if found else 0
+        type(self).asked.append(start)
+        if found and start >= len(self.content):
+            self.send_response(416)
+            self.send_header("Content-Length", "0")
+            self.end_headers()
+            return
+        self.send_response(206 if found else 200)
+        if found:
+            last = len(self.content) - 1
+            self.send_header("Content-Range", f"bytes {start}-{last}/{len(self.content)}")
+        self.send_header("Content-Length", str(len(self.content) - start))
+        self.end_headers()
+        self.wfile.write(self.content[start : start + self.after])
+        self.close_connection = True
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture
+def flaky() -> Iterator[str]:
+    Flaky.after, Flaky.ranges = 10**9, True
+    Flaky.asked.clear()
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Flaky) as web:
+        thread = threading.Thread(target=web.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{web.server_port}/pose.zip"
+        web.shutdown()
+        thread.join()
+
+
+def fetch(url: str, sha256: str = hashlib.sha256(Flaky.content).hexdigest()) -> tuple[bytes, int]:
+    """What comes, and how many bytes had to arrive for it."""
+    arrived: list[int] = []
+    with downloaded(url, sha256, suffixes=(".zip",), on_bytes=arrived.append) as path:
+        return path.read_bytes(), sum(arrived)
+
+
+def left() -> list[Path]:
+    return [path for path in cache_dir().rglob("*") if path.is_file()]
+
+
+def test_a_broken_download_goes_on_by_itself_and_when_asked_again(flaky: str) -> None:
+    Flaky.after = 200_000
+    assert fetch(flaky) == (Flaky.content, 512_000)
+    assert len(Flaky.asked) == 3 and Flaky.asked == sorted(set(Flaky.asked)) and left() == []
+    Flaky.after = 100_000
+    with pytest.raises(
+        ModelError, match=r"E_MODEL_URL.*kept: \d+ bytes: the same command goes on from there"
+    ):
+        fetch(flaky)
+    (part,) = left()
+    there = part.stat().st_size
+    Flaky.after = 10**9
+    assert there > 100_000 and fetch(flaky) == (Flaky.content, 512_000 - there) and left() == []
+
+
+def test_downloads_are_never_resumed_offline_nor_where_a_server_cannot(
+    flaky: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Flaky.after = 100_000
+    with pytest.raises(ModelError, match="E_MODEL_URL"):
+        fetch(flaky)
+    asked = len(Flaky.asked)
+    monkeypatch.setenv("GESTURE_OFFLINE", "1")
+    with pytest.raises(ModelError, match="E_OFFLINE"):
+        fetch(flaky)
+    assert len(Flaky.asked) == asked and len(left()) == 1
+    monkeypatch.delenv("GESTURE_OFFLINE")
+    Flaky.after, Flaky.ranges = 10**9, False
+    assert fetch(flaky) == (Flaky.content, 512_000)
+
+
+def test_a_wrong_file_leaves_no_part_behind(flaky: str) -> None:
+    other = "1" * 64
+    with pytest.raises(ModelError, match="E_MODEL_HASH"):
+        fetch(flaky, other)
+    assert left() == []
+    part = cache_dir() / "downloads" / f"{other}.part"
+    part.write_bytes(b"what another file began with")
+    with pytest.raises(ModelError, match="E_MODEL_HASH"):
+        fetch(flaky, other)
+    assert left() == []
+    # Killed between the last byte and the hash: nothing is fetched twice.
+    whole = cache_dir() / "downloads" / f"{hashlib.sha256(Flaky.content).hexdigest()}.part"
+    whole.write_bytes(Flaky.content)
+    assert fetch(flaky) == (Flaky.content, 0)

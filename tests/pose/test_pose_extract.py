@@ -62,7 +62,7 @@ def test_following_sees_a_person_of_a_fifth_of_the_height(tmp_path: Path) -> Non
 
 def test_the_person_is_searched_once_while_they_stay(tmp_path: Path) -> None:
     follower = Follower(backend(dot_network(tmp_path / "dots.onnx")))
-    frames = [frame for _, frame in film(walk(30))]
+    frames = list(film(walk(30)))
     for start in range(0, 30, 8):
         follower.estimate(frames[start : start + 8])
     assert follower.searches == 1
@@ -102,7 +102,7 @@ def test_pictures_smaller_than_a_tile_and_empty_ones_are_survived(tmp_path: Path
 
 def test_searches_for_nobody_are_bounded(tmp_path: Path) -> None:
     follower = Follower(backend(dot_network(tmp_path / "dots.onnx")))
-    empty = [np.full((90, 160, 3), GREY, np.uint8)] * 8
+    empty = [(t / 10, np.full((90, 160, 3), GREY, np.uint8)) for t in range(8)]
     for _ in range(10):
         assert all(person is None or np.isnan(person.keypoints).all() for person in follower.estimate(empty))
     assert follower.searches <= 2 + 80 / PAUSE

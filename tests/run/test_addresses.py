@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from troubles import write_clip
 
-from gesture_core import classify_archive
+from gesture_core import classify_archive, explain
 from gesture_core.errors import GestureError, InputError, MissingDependencyError
 from gesture_core.files import cache_dir
 from gesture_core.run import addresses
@@ -100,6 +100,8 @@ def test_a_zip_file_is_a_folder(folder: Path, pattern: str) -> None:
     summary = classify(address, f"file://{folder / 'examples'}", folder / "far")
     clips = [row for row in results(expected) if row[0].endswith(".npz") or "*" not in pattern]
     assert [(*row[1:],) for row in results(summary)] == [(*row[1:],) for row in clips]
+    name = f"zip://videos/day0/left.npz::file://{folder / 'archive.zip'}"
+    assert explain(folder / "far", name).explanation.nearest.label == "left"
 
 
 def test_an_address_with_a_password_is_refused_and_a_signature_is_never_kept(

@@ -25,6 +25,7 @@ _EXAMPLES = {
     "filter": ("Filter", "a channel for each joint: how fast it moves"),
     "selector": ("Selector", "the channels that move nearly as far as any does"),
     "kernel": ("Kernel", "the same share of both sequences compared, without warping"),
+    "classifier": ("Classifier", "the class whose examples are the nearest on average"),
     "writer": ("Writer", "a table in Markdown"),
     "engine": ("Engine", "one task after the other in this process"),
 }

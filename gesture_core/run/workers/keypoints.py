@@ -16,7 +16,7 @@ from gesture_core.files import content_sha256, stamp, switched_on, tree_sha256
 from gesture_core.plugin.abilities import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import decoded
-from gesture_core.run.addresses import drop, fetch, look, sha256_of
+from gesture_core.run.addresses import drop, fetch, look, place_for, sha256_of
 from gesture_core.run.store import Extracted, Stored, mark_used, read_keypoints, storing, write_keypoints
 from gesture_core.types import PoseSequence, Recording
 
@@ -120,6 +120,7 @@ class KeypointExtractor:
                 if stored := self._from_store(_stored_name(sha256, key), known):
                     return stored
             if entry:
+                path = place_for(address, path)
                 fetch(entry, path, self._worker.alive)
             if self._hashed[:2] != (path, found.stamp):  # once for all sequences in one file
                 sha256 = content_sha256(path, self._worker.alive)
@@ -177,6 +178,8 @@ class KeypointExtractor:
                     frames, asked, settings.pose.people, follow=settings.pose.follow, source=str(path)
                 )
             report = video.report
+        if settings.keypoints.depth:
+            sequences = [sequence.solid for sequence in sequences]
         others = sum(int(sequence.provenance.get("others", 0)) for sequence in sequences)
         frames.flush()
         return sequences, {

@@ -18,8 +18,8 @@ ULP_ONE_32, ULP_ONE_64 = np.float32(1 << 23), np.float64(1 << 52)
 
 @njit(inline="always")
 def least(up: Any, left: Any, diagonal: Any) -> Any:
-    """The least of three."""
-    return min(min(up, diagonal), left)
+    """The least of three; ``up``, which is the last to be known, comes last."""
+    return min(min(left, diagonal), up)
 
 
 @njit(inline="always")

@@ -141,6 +141,7 @@ class NumbaKernel(PairKernel, SearchKernel, GradientKernel, SubsequenceKernel):
         batch = make_batch(queries, spec)
         dtype = batch.values.dtype
         width = batch.values.shape[1] if rule.dependent else 1
+        square = True if rule.squared else None
         gamma = None if spec.gamma is None else dtype.type(spec.gamma)
         if limits is None or gamma is not None:
             limits = np.empty(0)
@@ -155,7 +156,22 @@ class NumbaKernel(PairKernel, SearchKernel, GradientKernel, SubsequenceKernel):
             scratch = make_scratch(int(n.max()), int(m.max()), width, rule.banded, dtype)
             bands = make_bands(n, m, spec)
             found = np.empty(len(place))
-            groups(batch, qs, q_cuts, examples, es, e_cuts, rule, bands, gamma, costs, limits, scratch, found)
+            groups(
+                batch,
+                qs,
+                q_cuts,
+                examples,
+                es,
+                e_cuts,
+                rule,
+                bands,
+                square,
+                gamma,
+                costs,
+                limits,
+                scratch,
+                found,
+            )
             out[place] = found
 
         threads = min(self.threads or usable_cores(), len(tasks))

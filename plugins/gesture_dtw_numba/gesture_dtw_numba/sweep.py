@@ -17,7 +17,15 @@ from gesture_dtw_numba.compiled import LANES
 
 @njit(nogil=True, error_model="numpy")
 def sweep(
-    x: np.ndarray, padded: int, block: Any, rule: Any, costs: Any, gamma: Any, limited: Any, scratch: Any
+    x: np.ndarray,
+    padded: int,
+    block: Any,
+    rule: Any,
+    costs: Any,
+    square: Any,
+    gamma: Any,
+    limited: Any,
+    scratch: Any,
 ) -> bool:
     """Fill ``scratch.above`` with the last row of the accumulated cost; False where it was not reached.
 
@@ -32,13 +40,16 @@ def sweep(
     rule : Rule
     costs : None or Costs
         None where C is 1, no cell is forbidden and the warping is hard.
+    square : None or True
+        None for absolute differences. A type tells them apart, not a value: a branch inside the loop
+        over lanes keeps the compiler from holding the last column in registers.
     gamma : None or float
     limited : bool
         Stop as soon as every lane is certain to exceed ``scratch.limit``.
     scratch : Scratch
         With the band, where ``rule`` has one.
     """
-    squared, euclidean, banded = rule.squared, rule.euclidean, rule.banded
+    euclidean, banded = rule.euclidean, rule.banded
     above, left, corner, border = scratch.above, scratch.left, scratch.corner, scratch.border
     columns, one = len(block), x.dtype.type(1)
     above[:columns] = border
@@ -60,14 +71,14 @@ def sweep(
         x0, x1, x2, x3 = x[i, 0], x[i + 1, 0], x[i + 2, 0], x[i + 3, 0]
         for j in range(start, stop):
             if costs is not None:
-                _local_costs(x, i, block, j, squared, euclidean, costs)
+                _local_costs(x, i, block, j, square, euclidean, costs)
                 if banded and not open_from <= j < open_until:
                     _forbid(costs.local, scratch.low, scratch.high, i, j, border)
             for lane in range(LANES):
                 if costs is None:
                     e = block[j, 0, lane]
                     c0, c1, c2, c3 = abs(x0 - e), abs(x1 - e), abs(x2 - e), abs(x3 - e)
-                    if squared:
+                    if square is not None:
                         c0, c1, c2, c3 = c0 * c0, c1 * c1, c2 * c2, c3 * c3
                 else:
                     local = costs.local
@@ -134,7 +145,7 @@ def _forbid(local: Any, low: Any, high: Any, row: Any, column: Any, border: Any)
 
 
 @njit(nogil=True, error_model="numpy")
-def _local_costs(x: Any, row: Any, block: Any, column: Any, squared: Any, euclidean: Any, costs: Any) -> None:
+def _local_costs(x: Any, row: Any, block: Any, column: Any, square: Any, euclidean: Any, costs: Any) -> None:
     """The costs of four rows against one column, over all dimensions in their order."""
     share, local = costs.share, costs.local
     local[:] = 0
@@ -143,7 +154,7 @@ def _local_costs(x: Any, row: Any, block: Any, column: Any, squared: Any, euclid
         for lane in range(LANES):
             e, w = block[column, d, lane], share[d, lane]
             c0, c1, c2, c3 = abs(x0 - e), abs(x1 - e), abs(x2 - e), abs(x3 - e)
-            if squared:
+            if square is not None:
                 c0, c1, c2, c3 = c0 * c0, c1 * c1, c2 * c2, c3 * c3
             local[0, lane] += w * c0
             local[1, lane] += w * c1

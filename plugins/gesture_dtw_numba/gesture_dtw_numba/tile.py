@@ -21,6 +21,7 @@ def groups(
     e_ends: Any,
     rule: Any,
     bands: Any,
+    square: Any,
     gamma: Any,
     costs: Any,
     limits: Any,
@@ -31,8 +32,8 @@ def groups(
 
     Group g is every query of ``qs[q_ends[g]:q_ends[g + 1]]`` with every example of
     ``es[e_ends[g]:e_ends[g + 1]]``, which ascend in length; its distances are the next numbers of
-    ``out``, a row for each query. Compiled once for each dtype and for each of: hard costs of one
-    dimension without a band, other hard ones, soft ones.
+    ``out``, a row for each query. Compiled once for each dtype, for absolute differences and for
+    squared ones, and for each of: hard costs of one dimension without a band, other hard ones, soft ones.
 
     Parameters
     ----------
@@ -40,6 +41,8 @@ def groups(
     qs, es, q_ends, e_ends : int64
     rule : Rule
     bands : Bands
+    square : None or True
+        As in `sweep`.
     gamma : None or float
     costs : None or Costs
         None only for hard, independent warping without a band.
@@ -54,7 +57,20 @@ def groups(
         own_qs, own_es = qs[q_ends[g] : q_ends[g + 1]], es[e_ends[g] : e_ends[g + 1]]
         shape = (len(own_qs), len(own_es))
         stop = at + shape[0] * shape[1]
-        _group(q, own_qs, e, own_es, rule, bands, gamma, costs, limits, scratch, out[at:stop].reshape(shape))
+        _group(
+            q,
+            own_qs,
+            e,
+            own_es,
+            rule,
+            bands,
+            square,
+            gamma,
+            costs,
+            limits,
+            scratch,
+            out[at:stop].reshape(shape),
+        )
         at = stop
 
 
@@ -66,6 +82,7 @@ def _group(
     es: Any,
     rule: Any,
     bands: Any,
+    square: Any,
     gamma: Any,
     costs: Any,
     limits: Any,
@@ -104,7 +121,7 @@ def _group(
                             _fill_band(bands, rows, padded, scratch)
                     if costs is not None and rule.dependent:
                         _fill_share(q, query, e, es, lanes, rule.mean, costs.share)
-                    complete = sweep(x, padded, block, rule, costs, gamma, limited, scratch)
+                    complete = sweep(x, padded, block, rule, costs, square, gamma, limited, scratch)
                     _collect(scratch, lanes, rows, complete, rule, out[k])
     _reduce(q, qs, e, es, rule.mean and not rule.dependent, out)
 

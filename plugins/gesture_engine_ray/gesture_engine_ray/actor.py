@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import threading
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,10 +27,14 @@ class Performer:
     ----------
     job : str
         A `Job` as JSON: what comes and goes is text and bytes, so that no machine needs what another knows.
+    folder : str
+        Where the relative paths of inputs start, if there is such a folder on this machine.
     """
 
-    def __init__(self, job: str) -> None:
+    def __init__(self, job: str, folder: str) -> None:
         known = Job(**json.loads(job))
+        with suppress(OSError):
+            os.chdir(folder)
         try:
             Path(known.store).mkdir(parents=True, exist_ok=True)
         except OSError:  # a folder of another machine

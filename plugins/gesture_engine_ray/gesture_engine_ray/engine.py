@@ -129,7 +129,7 @@ class RayEngine:
             concurrency_groups={"watch": 1},
         )
         threads = max(1, int(self.cpus))
-        actor = declared(Performer).remote(json.dumps(asdict(replace(job, threads=threads))))
+        actor = declared(Performer).remote(json.dumps(asdict(replace(job, threads=threads))), str(Path.cwd()))
         self.await_start(actor)
 
     def await_start(self, actor: Any) -> None:

@@ -175,3 +175,43 @@ def running_median(values: np.ndarray, radius: int) -> np.ndarray:
     size = (2 * radius + 1, 1)
     median: np.ndarray = median_filter(values.astype(np.float64), size=size, mode="mirror")
     return median
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Beside each channel, what it was and will be: frames are compared by the shape around them.
+
+    ShapeDTW with raw subsequences as descriptors (Zhao and Itti 2018), whose cost is divided by their number.
+
+    Parameters
+    ----------
+    seconds : float
+        How far to each side, at the sequence's own rate; at the ends the first or last frame stands for more.
+    steps : int
+        Neighbours on each side, evenly spaced.
+    """
+
+    seconds: float = 0.25
+    steps: int = 2
+
+    def __post_init__(self) -> None:
+        if not 0 < self.seconds < float("inf"):
+            raise ValueError(f"seconds {self.seconds} is no finite number above zero")
+        if not isinstance(self.steps, Integral) or self.steps < 1:
+            raise ValueError(f"steps {self.steps} is no whole number of one or more")
+
+    def apply(self, signals: Signals) -> Signals:
+        """The channels as they are and, as ``left_wrist_x@-1`` and so on, moved in time."""
+        step = float(np.median(np.diff(signals.times))) if len(signals) > 1 else 0.0
+        apart = max(1, round(self.seconds / step / self.steps)) if step > 0 else 1
+        places, last = np.arange(len(signals)), len(signals) - 1
+        moves = [0, *(sign * number for number in range(1, self.steps + 1) for sign in (-1, 1))]
+        values = [signals.values[np.clip(places + apart * move, 0, last)] for move in moves]
+        assert signals.mask is not None and signals.present is not None
+        return replace(
+            signals,
+            values=np.concatenate(values, axis=1) / np.sqrt(len(moves)),
+            channels=tuple(f"{c}@{move:+d}" if move else c for move in moves for c in signals.channels),
+            mask=np.tile(signals.mask, len(moves)),
+            present=np.tile(signals.present, len(moves)),
+        )

@@ -43,6 +43,11 @@ def register_filters(register: Register) -> None:
     )
     register("resample", "gesture_signals.filters:Resample", summary="a common frame rate")
     register("median", "gesture_signals.filters:Median", summary="running median over frames")
+    register(
+        "shape",
+        "gesture_signals.filters:Shape",
+        summary="each frame with its neighbours (shapeDTW: Zhao and Itti 2018)",
+    )
 
 
 @hookimpl

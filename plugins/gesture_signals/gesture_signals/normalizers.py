@@ -163,8 +163,8 @@ class ViewNormalizer:
             raise PoseError(
                 "has no depth, and a turn of the body cannot be undone without",
                 subject=pose.source,
-                remedy="files of keypoints in three dimensions with --set keypoints.depth=true (networks "
-                "give two), or --set signals.normalizer=torso",
+                remedy="files of keypoints in three dimensions, or videos and the network blazepose, with "
+                "--set keypoints.depth=true; or --set signals.normalizer=torso",
                 code="E_POSE_SCALE",
             )
         scaled = TorsoNormalizer(self.window, self.floor, self.shoulders).normalize(pose)
