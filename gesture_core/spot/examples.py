@@ -163,8 +163,7 @@ class SpottingExamples:
         """The same with thresholds: what is usual between the examples of a class.
 
         For each example the median distance to the others of its class is taken. The nearest one is often
-        of the same person, and far nearer than anybody else will be; a copy is no other one. What is usual in
-        a class counts as much as what is usual in all of them: a few clips say little.
+        of the same person, and far nearer than anybody else will be; a copy is no other one.
         """
         chosen = self.settings.spot
         within = self.distances_between(alive)
@@ -177,12 +176,11 @@ class SpottingExamples:
         known = np.isfinite(usual)
         thresholds: np.ndarray = np.full(len(self.classes), _FALLBACK)
         if known.any():
-            every = usual[known].mean()
-            thresholds[:] = chosen.tolerance * every
+            thresholds[:] = chosen.tolerance * usual[known].mean()
             for code in range(len(self.classes)):
                 own = usual[known & (self.codes == code)]
                 if len(own) >= _MEMBERS:
-                    thresholds[code] = chosen.tolerance * np.sqrt(own.mean() * every)
+                    thresholds[code] = chosen.tolerance * own.mean()
             thresholds = np.maximum(thresholds, _LEAST)
         if chosen.threshold is not None:
             thresholds[:] = chosen.threshold
