@@ -1,11 +1,12 @@
 """Accuracy under damage: the paper's method beside the preset `modern`, as a table and as curves.
 
     python benchmarks/stress.py [--shared FOLDER] [--png docs/images/stress.png] [--kernel NAME]
-    python benchmarks/stress.py --frames utd_openpose body_gesture [--both]
+    python benchmarks/stress.py --frames utd_openpose body_gesture [--videos FOLDER...] [--both]
 
 Queries are damaged, examples stay whole: utd_openpose, leave-one-subject-out. Damage is drawn from
 a fixed seed, the same for every preset. ``--frames`` makes a few frames of each clip wrong instead, of
-the data sets that it names, with ``signals.repair`` and without; ``--both`` in the examples, too.
+the data sets that it names, with ``signals.repair`` and without; ``--videos`` those of the keypoints that
+benchmarks/videos.py left in these folders, a network's own; ``--both`` in the examples, too.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from datasets import ROOT, Item, arguments, body_gesture, utd_openpose
+from videos import with_videos
 
 from gesture_core.classify.classifiers import Fitted, learn
 from gesture_core.classify.comparison import compare
@@ -342,22 +344,31 @@ def main() -> int:
     parser.add_argument("--presets", nargs="+", default=["paper", "modern", "modern+upright"])
     parser.add_argument("--png", type=Path, default=ROOT / "docs" / "images" / "stress.png")
     parser.add_argument("--kernel", default="auto")
-    parser.add_argument("--frames", nargs="+", choices=[utd_openpose.__name__, body_gesture.__name__])
+    parser.add_argument(
+        "--frames", nargs="+", default=[], choices=[utd_openpose.__name__, body_gesture.__name__]
+    )
+    parser.add_argument(
+        "--videos", nargs="+", type=Path, default=[], help="wrong frames in what a network found"
+    )
     parser.add_argument("--both", action="store_true", help="with --frames: damage the examples, too")
     given = parser.parse_args()
-    if given.frames:
+    if given.frames or given.videos:
         modern = load_settings("modern", classify__kernel=given.kernel)
-        for read in (utd_openpose, body_gesture):
-            if read.__name__ in given.frames:
-                items = read(given.shared)
-                found = {
-                    name: accuracies(
-                        items, modern.with_values([("signals.repair", on)]), BAD_FRAMES, given.both
-                    )
-                    for name, on in (("repaired", True), ("as they are", False))
-                }
-                print(f"\n{read.__name__}")
-                tables(BAD_FRAMES, found)
+        sets = {
+            read.__name__: read(given.shared)
+            for read in (utd_openpose, body_gesture)
+            if read.__name__ in given.frames
+        }
+        for folder in given.videos:
+            clips = with_videos(body_gesture(given.shared), folder)
+            sets[folder.name] = [replace(clip, pose=clip.pose.as_coco18()) for clip in clips]
+        for title, items in sets.items():
+            found = {
+                name: accuracies(items, modern.with_values([("signals.repair", on)]), BAD_FRAMES, given.both)
+                for name, on in (("repaired", True), ("as they are", False))
+            }
+            print(f"\n{title}, {len(items)} clips")
+            tables(BAD_FRAMES, found)
         return 0
     items = utd_openpose(given.shared)
     found = {}

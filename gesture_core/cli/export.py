@@ -24,16 +24,16 @@ def export(
     format: str | None = None,
     to: Annotated[str, UNSAID, Parameter(name=["--to", "-o"], allow_leading_hyphen=True)] = "",
 ) -> None:
-    """Write the rows of a run as CSV, Parquet or JSON lines, or its events for ELAN and as subtitles.
+    """Write the rows of a run as a table or a data set, or its events for ELAN and as subtitles.
 
     Parameters
     ----------
     run
         The run folder.
     format
-        csv, parquet, jsonl, or a result writer of a plugin; by default as --to ends, or csv. The events of
-        gesture spot also as eaf (ELAN), vtt, srt or audacity (label tracks), a file for each input, or
-        activitynet (one JSON file).
+        csv, parquet, jsonl, coco, fiftyone or datasets (Parquet with ClassLabel), or a result writer of a
+        plugin; by default as --to ends, or csv. The events of gesture spot also as eaf (ELAN), vtt, srt or
+        audacity (label tracks), a file for each input, or activitynet (one JSON file).
     to
         The file, or - for standard output; <run>/results.<format> by default. Where each input has a file, a
         folder, <run>/events by default.

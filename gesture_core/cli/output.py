@@ -249,10 +249,17 @@ def _common_folder(names: Sequence[str]) -> str:
     return first[: first.rfind("/", 0, shared) + 1]
 
 
+_OF_KEYPOINTS = ("order", "axes", "unit", "frame_size", "fps")
+"""Settings of keypoint files, of which a reader says what it assumed."""
+
+
 def say_assumed(assumed: Mapping[str, int]) -> None:
     """What files do not say and was assumed, and of how many, on standard error."""
     for what, files in sorted(assumed.items()):
         say(f"assumed for {counted(files, 'file')}: {what}")
+    names = [part.partition("=")[0] for what in assumed for part in what.split(", ")]
+    if keys := [f"keypoints.{name}" for name in dict.fromkeys(names) if name in _OF_KEYPOINTS]:
+        say(f"where that is wrong, --set says what is right: {', '.join(keys)}")
 
 
 def say_notes(notes: Mapping[str, int]) -> None:

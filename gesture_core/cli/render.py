@@ -2,44 +2,50 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from gesture_core.cli.flags import UNSAID, PoseFlags
 from gesture_core.cli.output import check_file, counted
-from gesture_core.errors import InputError, MediaError, PoseError
+from gesture_core.errors import ConfigError, GestureError, InputError, MediaError, PoseError
 from gesture_core.files import printable
 
 if TYPE_CHECKING:
+    from gesture_core.pose.overlay import Tag
+    from gesture_core.records import Row
     from gesture_core.settings import Settings
     from gesture_core.types import PoseSequence
 
 
 def render(
     video: Path,
+    input: str | None = None,
     /,
     *,
     out: Path | None = None,
     flags: PoseFlags | None = None,
     people: str | None = None,
-    run: Annotated[Path | None, UNSAID] = None,
     overwrite: Annotated[bool, UNSAID] = False,
 ) -> int:
     """Draw the keypoints that the network sees over a video: right side orange, left side blue.
 
-    Above each person stand their number, with --run label and distance, and the time.
+    gesture render RUN INPUT writes above each person what the run says of it: number, label, score or margin,
+    and the time.
 
     Parameters
     ----------
     video
-        The video.
+        The video, or a run folder.
+    input
+        The input of the run as its result names it, or a part of its name that no other one has. The run's
+        settings count unless there are flags.
     out
         A name.mp4 for a video (needs PyAV), a name.png for a strip of pictures, cropped to the people;
         <video>-pose.mp4 by default.
     people
         single, or multi: who is lost for a while comes back as another person. As pose.people by default.
-    run
-        A run folder in which the video was classified: its labels, and its settings unless there are flags.
     overwrite
         Replace a file that is there.
     """
@@ -47,7 +53,18 @@ def render(
     from gesture_core.video import open_configured
     from gesture_core.video.writer import can_write_video, write_video
 
-    labels, settings = _labels(video, run) if run else ({}, None)
+    rows: list[Row] = []
+    settings = None
+    if input is not None and "=" in input and not video.is_dir():
+        raise ConfigError(
+            f"{input!r} is not understood here", remedy=f"--set KEY=VALUE --set {input}", code="E_USAGE"
+        )
+    if input is not None:
+        video, rows, settings = _found_again(video, input)
+    elif video.is_dir():
+        raise InputError(
+            "is a folder", subject=str(video), remedy="gesture render RUN INPUT, or a video", code="E_OPTION"
+        )
     if settings is None or flags not in (None, PoseFlags()):
         settings = (flags or PoseFlags()).settings()
     if people is not None:
@@ -64,12 +81,11 @@ def render(
     looked_at, found = _people(video, settings)
     # The video is decoded twice, so that it never has to be held in memory.
     with open_configured(video, settings) as frames:
-        tags = [f"{person.person} {labels.get(person.person, '')}".strip() for person in found]
-        shown = tags if labels or len(found) > 1 else ()
+        tags = [_tag(one.person, rows) for one in found] if rows or len(found) > 1 else ()
         if target.suffix.lower() == ".mp4":
-            count = write_video(overlay(frames, found, shown), target)
+            count = write_video(overlay(frames, found, tags), target)
         else:  # cropped first, so that what is written above a person is inside
-            count = write_strip(overlay(*cropped(frames, found), shown), target)
+            count = write_strip(overlay(*cropped(frames, found), tags), target)
     longest = max(sequence.frames_with_pose for sequence in found)
     who = "1 person" if len(found) == 1 else f"{len(found)} tracks of people, the longest"
     of = "them" if looked_at == count else f"the {looked_at} that are looked at (pose.rate)"
@@ -77,27 +93,41 @@ def render(
     return 0
 
 
-def _labels(video: Path, run: Path) -> tuple[dict[int, str], Settings]:
-    """Label and distance of each person of a video in a run, or the code, and the settings of the run."""
+def _found_again(run: Path, name: str) -> tuple[Path, list[Row], Settings]:
+    """Where an input of a run is, its rows, and the settings of the run."""
     from gesture_core.files import content_sha256
+    from gesture_core.run.found_again import find_inputs
     from gesture_core.run.results import open_results
+    from gesture_core.run.rows import input_called
     from gesture_core.settings import settings_from_dict
 
-    with open_results(run) as results:
-        rows, configuration = list(results.rows()), results.configuration
-    sha256 = content_sha256(video)
-    labels = {
-        row.person: f"{row.label or row.code} {'' if row.distance is None else format(row.distance, '.2f')}"
-        for row in rows
-        if row.sha256 == sha256
-    }
-    if not labels:
-        raise InputError(
-            f"is not in the run {run}", subject=str(video), remedy="a video of that run", code="E_NOT_FOUND"
-        )
-    return {person: text.strip() for person, text in labels.items()}, settings_from_dict(
-        configuration["settings"]
-    )
+    with open_results(run) as results, results.failures():
+        keyed = list(results.keyed_rows())
+        settings = settings_from_dict(results.configuration["settings"])
+    name = input_called((row.input for _, row in keyed), name)
+    rows = [row for _, row in keyed if row.input == name]
+    place = next(os.fsdecode(key.partition(b"\0")[0]) for key, row in keyed if row.input == name)
+    item = find_inputs({name: place}, settings)[name]
+    if isinstance(item, GestureError):
+        raise item
+    if content_sha256(item.path) != rows[0].sha256:
+        raise InputError("has changed since the run", subject=name, remedy="run it again", code="E_CHANGED")
+    return item.path, rows, settings
+
+
+def _tag(person: int, rows: Sequence[Row]) -> Tag:
+    """What is written above a person at a time: the label of all of the input, or of the event then."""
+    own = [row for row in rows if row.person == person]
+
+    def text(time: float) -> str:
+        for row in own:
+            if not row.event or (row.start or 0) <= time <= (row.end or 0):
+                sure = [("score", row.score), ("margin", row.margin)]
+                said = next((f"{name} {value:.2f}" for name, value in sure if value is not None), "")
+                return "  ".join(filter(None, (f"{person}", row.label or row.code, said)))
+        return f"{person}"
+
+    return text
 
 
 def _people(video: Path, settings: Settings) -> tuple[int, list[PoseSequence]]:

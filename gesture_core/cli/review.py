@@ -52,16 +52,16 @@ def review(
     from gesture_core.report.run_page import write_report
     from gesture_core.run.review import Answers
 
-    with Answers(run) as answers:
+    with Answers(run) as answers, ReviewServer(answers, port) as server:
         with progress([str(run)]) as listener:
             done = write_report(run, previews=not no_previews, workers=workers, listener=listener)
-        with ReviewServer(done.page.parent, answers, list(done.labels), port) as server:
-            print(server.address, flush=True)
-            say("open it in a browser; Ctrl-C ends it, and every answer is kept at once")
-            try:
-                server.serve_forever()
-            except KeyboardInterrupt:
-                say(f"{counted(len(answers.given()), 'answer')} about {counted(done.rows, 'row')}")
+        server.show(done.page.parent, done.labels)
+        print(server.address, flush=True)
+        say("open it in a browser; Ctrl-C ends it, and every answer is kept at once")
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            say(f"{counted(len(answers.given()), 'answer')} about {counted(done.rows, 'row')}")
 
 
 def _use(run: Path, export: Path | None, to_examples: Path | None, most: int | None) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,8 @@ from gesture_core.video.writer import room_around
 
 Colour = tuple[int, int, int]
 """Blue, green and red."""
+Tag = Callable[[float], str]
+"""What to write above a person at a time in seconds."""
 
 
 def _colour(text: str) -> Colour:
@@ -94,7 +96,7 @@ def side_colour(joint: str) -> Colour:
 
 
 def overlay(
-    frames: Iterable[tuple[float, np.ndarray]], poses: Sequence[PoseSequence], tags: Sequence[str] = ()
+    frames: Iterable[tuple[float, np.ndarray]], poses: Sequence[PoseSequence], tags: Sequence[Tag] = ()
 ) -> Iterator[tuple[float, np.ndarray]]:
     """The frames with everybody drawn who was found at that time.
 
@@ -103,8 +105,9 @@ def overlay(
     frames : iterable of (seconds, frame)
         The video that ``poses`` were extracted from, once more.
     poses : sequence of PoseSequence
-    tags : sequence of str, optional
-        What to write above each of them, besides the time; each then has a box in a colour of their own.
+    tags : sequence of callable, optional
+        What to write above each of them at a time, besides the time; each then has a box in a colour of
+        their own.
     """
     places = [iter(zip(pose.times.tolist(), pose.flat.keypoints, strict=True)) for pose in poses]
     ahead = [next(place, None) for place in places]
@@ -118,7 +121,7 @@ def overlay(
             if found is not None and found[0] <= time + _SAME:
                 draw_pose(picture, found[1], skeleton(pose.skeleton))
                 if tags:
-                    draw_tag(picture, found[1], f"{tags[i]}  {time:.1f} s", _PEOPLE[i % len(_PEOPLE)])
+                    draw_tag(picture, found[1], f"{tags[i](time)}  {time:.1f} s", _PEOPLE[i % len(_PEOPLE)])
                 found = next(places[i], None)
             ahead[i] = found
         yield time, picture

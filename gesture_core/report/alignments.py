@@ -43,7 +43,8 @@ def alignment_record(found: Explanation, start: float, starts: dict[str, float])
                 "distance": float(f"{side.distance:.4g}"),
                 "mirrored": side.mirrored,
                 "time": _milliseconds(
-                    warped_time(side)[shown] - starts.get(side.example, side.signals.times[0])
+                    _at(query.times[shown], side, warped_time(side))
+                    - starts.get(side.example, side.signals.times[0])
                 ),
             }
     used = found.nearest.used | (found.nearest if found.runner_up is None else found.runner_up).used
@@ -73,6 +74,11 @@ def _matched(path: np.ndarray, values: np.ndarray, length: int) -> np.ndarray:
     return np.asarray(sums / np.bincount(path[:, 0], minlength=length))
 
 
+def _at(times: np.ndarray, side: Alignment, values: np.ndarray) -> np.ndarray:
+    """``values`` of a side's query at other times: the runner-up of an event may begin later, or earlier."""
+    return np.asarray(np.interp(times, side.query.times, values))
+
+
 def _channel(found: Explanation, channel: int, shown: np.ndarray) -> dict[str, Any]:
     query = found.nearest.query
     record: dict[str, Any] = {
@@ -81,8 +87,8 @@ def _channel(found: Explanation, channel: int, shown: np.ndarray) -> dict[str, A
     }
     for name, side in (("near", found.nearest), ("far", found.runner_up)):
         if side is not None and side.used[channel]:
-            values = _matched(side.path_of(channel), side.signals.values[:, channel], len(query))
-            record[name] = _short(values[shown])
+            values = _matched(side.path_of(channel), side.signals.values[:, channel], len(side.query))
+            record[name] = _short(_at(query.times[shown], side, values))
             record[f"{name}_cost"] = float(f"{side.costs[channel]:.3g}")
     return record
 

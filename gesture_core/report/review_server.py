@@ -6,20 +6,22 @@ import hmac
 import json
 import re
 import secrets
+from collections.abc import Iterable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from gesture_core.errors import GestureError
+from gesture_core.errors import ConfigError, GestureError
 from gesture_core.report.run_page import DATA, INDEX
-from gesture_core.run.review import Answers
+from gesture_core.run.review import NONE, Answers
 
 _KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".mp4": "video/mp4"} | {
     ".svg": "image/svg+xml"
 }
 _LONGEST = 4096
 """Bytes of an answer."""
+_LONGEST_LABEL = 200
 _RANGE = re.compile(r"bytes=(\d+)-(\d*)")
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -34,26 +36,40 @@ class ReviewServer(ThreadingHTTPServer):
     """Serves a page that `run_page.write_report` wrote, and keeps answers.
 
     It listens on the loopback only, answers nobody who does not know the random part of `address`, and no
-    page of another host.
+    page of another host. The port is its own from the beginning, so that one in use is noticed before the
+    page is made; `show` says what is served.
 
     Parameters
     ----------
-    folder : Path
-        Of the page.
     answers : Answers
         Of the run, whose rows are those of the page.
-    labels : sequence of str
-        That may be given.
     port : int
         0 for any that is free.
+
+    Raises
+    ------
+    ConfigError
+        ``E_OPTION`` where the port cannot be had.
     """
 
     daemon_threads = True
 
-    def __init__(self, folder: Path, answers: Answers, labels: list[str], port: int = 0) -> None:
-        super().__init__(("127.0.0.1", port), _Handler)
-        self.folder, self.answers, self.labels = folder, answers, labels
+    def __init__(self, answers: Answers, port: int = 0) -> None:
+        try:
+            super().__init__(("127.0.0.1", port), _Handler)
+        except OSError as error:
+            raise ConfigError(
+                f"--port {port} cannot be had: {error.strerror or error}",
+                remedy="another one, or no --port for any that is free",
+                code="E_OPTION",
+            ) from error
+        self.answers = answers
+        self.folder, self.files, self.labels = Path(), set[str](), frozenset[str]()
         self.token = secrets.token_urlsafe(24)
+
+    def show(self, folder: Path, labels: Iterable[str]) -> None:
+        """Serve the page in ``folder``, as it is now; ``labels`` are those of the examples."""
+        self.folder, self.labels = folder, frozenset(labels)
         self.files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
     @property
@@ -66,6 +82,12 @@ class ReviewServer(ThreadingHTTPServer):
         given = [[place, label] for place, label in self.answers.given().items()]
         review = json.dumps({"answers": given}, ensure_ascii=True).replace("<", "\\u003c")
         return (self.folder / DATA).read_bytes() + f"window.gestureData.review={review};\n".encode("ascii")
+
+
+def _is_label(label: object) -> bool:
+    """Whether it may be the label of a gesture that no example shows yet."""
+    plain = isinstance(label, str) and label == label.strip() and label.isprintable()
+    return plain and 0 < len(str(label).encode()) <= _LONGEST_LABEL
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -111,9 +133,11 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             tree = json.loads(body)
             place, label = tree["row"], tree.get("label")
-            known = label is None or label in self.server.labels
-            if type(place) is not int or not 0 <= place < len(answers.rows) or not known:
-                raise ValueError("no such row or label")
+            if type(place) is not int or not 0 <= place < len(answers.rows):
+                raise ValueError("no such row")
+            if label is not None and label not in self.server.labels and not _is_label(label):
+                raise ValueError(f"a label is text of one line, {_LONGEST_LABEL} bytes at most")
+            label = None if label == NONE else label
             if tree.get("forget"):
                 answers.take_back(place)
             else:

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core import __version__
-from gesture_core.classify.explanation import explain
+from gesture_core.classify.explanation import Explanation, explain
 from gesture_core.classify.recognizer import Recognizer
 from gesture_core.errors import GestureError
 from gesture_core.files import printable
 from gesture_core.report.alignments import alignment_record
 from gesture_core.report.row_previews import Preview, RowPreviews
+from gesture_core.run.annotations import event_of
 from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.found_again import GONE, look_again
 from gesture_core.run.inputs import Input
@@ -25,6 +26,7 @@ from gesture_core.run.store import Extracted
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
+from gesture_core.spot.explanation import EventExplainer
 from gesture_core.types import PoseSequence, Recording, Row, Signals
 
 COLUMNS = (
@@ -162,6 +164,7 @@ class _Page:
     recognizer: Recognizer | None
     previews: RowPreviews
     _items: dict[str, Input] = field(default_factory=dict)
+    _events: EventExplainer | None = None
 
     def find(self, rows: Sequence[_PageRow], labels: str, columns: str) -> None:
         """Look for the inputs where the run found them, and for their labels."""
@@ -257,6 +260,8 @@ class _Page:
                         batch.append((one, chain(pose), start))
                     except GestureError:
                         continue  # its row says why
+                elif pose and one.row.event:
+                    self._align_event(one, pose, start)
             if len(batch) >= _BATCH:
                 yield batch
                 batch = []
@@ -288,9 +293,23 @@ class _Page:
                 found = explain(signals, recognizer.library, row, self.settings, recognizer.fitted)
             except GestureError:
                 continue  # nothing could be compared, as its row says
-            one.detail = alignment_record(found, start, starts)
-            one.near = self.examples[found.nearest.example].index
-            one.far = self.examples[found.runner_up.example].index if found.runner_up else None
+            self._keep(one, found, start, starts)
+
+    def _align_event(self, one: _PageRow, pose: PoseSequence, start: float) -> None:
+        try:
+            if self._events is None:
+                seen = {name: known.seen[2] for name, known in self.examples.items() if known.seen}
+                labels = [self.examples[name].label for name in seen]
+                self._events = EventExplainer(list(seen.values()), labels, list(seen), self.settings)
+            found = self._events(event_of(one.row), pose)
+        except GestureError:
+            return  # its example is not there any more, or it was found by other settings
+        self._keep(one, found, start, {one.name: one.start for one in self.examples.values()})
+
+    def _keep(self, one: _PageRow, found: Explanation, start: float, starts: dict[str, float]) -> None:
+        one.detail = alignment_record(found, start, starts)
+        one.near = self.examples[found.nearest.example].index
+        one.far = self.examples[found.runner_up.example].index if found.runner_up else None
 
 
 def _stretch(pose: PoseSequence) -> tuple[float, float]:

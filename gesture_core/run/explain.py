@@ -20,6 +20,7 @@ from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.found_again import find_inputs
 from gesture_core.run.inputs import Input
 from gesture_core.run.results import open_results
+from gesture_core.run.rows import input_called
 from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
@@ -136,7 +137,7 @@ def _explain_event(
     listener: Listener | None,
 ) -> RowExplanation:
     """The event of a row, aligned with its example."""
-    from gesture_core.spot.explanation import explain_event
+    from gesture_core.spot.explanation import EventExplainer
 
     settings = settings_from_dict(configuration["settings"])
     places = {name: known["path"] for name, known in examples.items() if "path" in known}
@@ -150,14 +151,9 @@ def _explain_event(
             remedy="gesture spot once more",
             code="E_CHANGED",
         )
-    found = explain_event(
-        event_of(row),
-        poses[0],
-        [people[name][0] for name in names],
-        [str(examples[name]["label"]) for name in names],
-        names,
-        settings,
-    )
+    labels = [str(examples[name]["label"]) for name in names]
+    explain_event = EventExplainer([people[name][0] for name in names], labels, names, settings)
+    found = explain_event(event_of(row), poses[0])
     return RowExplanation(row, found, _file_name(row, rows))
 
 
@@ -192,33 +188,18 @@ def _people(
 
 
 def _row(rows: Sequence[Row], name: str, person: int, event: int = 0) -> Row:
-    """The row of the input called ``name``, or the only one whose name ends so, or holds it.
-
-    Of several events of the person, the one of that number, or the first.
-    """
-    names = dict.fromkeys(row.input for row in rows)
-    found = (
-        [n for n in names if n == name]
-        or [n for n in names if n.endswith(name)]
-        or [n for n in names if name in n]
-    )
-    if len(found) != 1:
-        some = ", ".join((found or list(names))[:5])
-        raise InputError(
-            f"{name!r} could be any of {len(found)} inputs" if found else f"no input of the run is {name!r}",
-            remedy=f"one of {some}{' …' if len(found or names) > 5 else ''}",
-            code="E_NOT_FOUND",
-        )
+    """The row of the input and person; of several events that of this number, or the first."""
+    found = input_called((row.input for row in rows), name)
     for row in rows:
-        if row.input == found[0] and row.person == person and (not event or row.event == event):
+        if row.input == found and row.person == person and (not event or row.event == event):
             return row
-    own = [row for row in rows if row.input == found[0]]
+    own = [row for row in rows if row.input == found]
     if event and any(row.person == person for row in own):
         last = max(row.event for row in own if row.person == person)
         remedy = f"--event 1 to {last}" if last else ""
-        raise InputError(f"has no event {event}", subject=found[0], remedy=remedy, code="E_NOT_FOUND")
+        raise InputError(f"has no event {event}", subject=found, remedy=remedy, code="E_NOT_FOUND")
     known = " or ".join(dict.fromkeys(f"--person {row.person}" for row in own))
-    raise InputError(f"has no person {person}", subject=found[0], remedy=known, code="E_NOT_FOUND")
+    raise InputError(f"has no person {person}", subject=found, remedy=known, code="E_NOT_FOUND")
 
 
 def _file_name(row: Row, rows: Sequence[Row]) -> str:

@@ -28,6 +28,21 @@ def register_result_writers(register: Register) -> None:
     register("csv", "gesture_core.run.export:CsvWriter", summary="comma-separated values")
     register("jsonl", "gesture_core.run.export:JsonLinesWriter", summary="one JSON object a line")
     register("parquet", "gesture_core.run.export:ParquetWriter", summary="Apache Parquet")
+    register(
+        "datasets",
+        "gesture_core.report.dataset_files:DatasetsWriter",
+        summary="Parquet for the library datasets, label as ClassLabel",
+    )
+    register(
+        "coco",
+        "gesture_core.report.dataset_files:CocoWriter",
+        summary="COCO's JSON, gestures as categories",
+    )
+    register(
+        "fiftyone",
+        "gesture_core.report.dataset_files:FiftyOneWriter",
+        summary="labels of FiftyOne's temporal detections",
+    )
 
 
 @hookimpl

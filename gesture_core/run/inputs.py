@@ -214,7 +214,7 @@ class Walk:
     def source(self, path: Path) -> Iterator[Input]:
         """Inputs of something that the user named: a path, a glob or a manifest."""
         entries = None
-        if path.suffix.lower() in _MANIFESTS and path.is_file():
+        if path.suffix.lower() in _MANIFESTS and path.is_file() and not self._is_text_of_keypoints(path):
             from gesture_core.run.tables import read_manifest
 
             entries = read_manifest(path)
@@ -239,6 +239,10 @@ class Walk:
                 yield _broken(path, "E_NOT_FOUND", "nothing matches", "another pattern")
             for match in matches:
                 yield from self.path(Path(match))
+
+    def _is_text_of_keypoints(self, path: Path) -> bool:
+        """Whether a text, which may be a list of paths, is what a keypoint reader takes."""
+        return path.suffix.lower() == ".txt" and bool(self._readers.of(path)[0])
 
     def address(self, source: str) -> Iterator[Input]:
         """Inputs of an address. Only what is no video by its name is fetched now, to see whose it is."""
@@ -307,10 +311,11 @@ class Walk:
             if entry in folders:
                 yield entry
             else:
-                for item in self._file(entry, say_why=not (reader or fault)):
+                beside = bool(reader) and (_lies_beside(entry) or self._readers.may_take(reader, entry))
+                for item in self._file(entry, say_why=not (beside or fault)):
                     if item.kind == "other" and fault:  # its folder may have been one of keypoint files
                         yield replace(item, kind="broken", code=fault[0], fault=f"of its folder, {fault[1]}")
-                    elif item.kind != "other" or not reader:  # it belongs to its folder of keypoint files
+                    elif item.kind != "other" or not beside:  # it belongs to its folder of keypoint files
                         yield item
 
     def _file(self, path: Path, *, say_why: bool = True) -> Iterator[Input]:
@@ -350,7 +355,7 @@ class Walk:
         try:
             members = self._readers.members(reader, path)
         except GestureError as error:
-            yield _broken(path, error.code, error.cause)
+            yield _broken(path, error.code, error.cause, error.remedy)
             return
         for member in members:
             shown = f"{name}::{printable(member)}" if member else name
@@ -387,3 +392,7 @@ def _identity(folder: Path) -> tuple[int, int]:
     """The same for all ways that lead to one folder."""
     found = folder.stat()
     return found.st_dev, found.st_ino
+
+
+def _lies_beside(path: Path) -> bool:
+    return path.suffix.lower() in COMPANIONS

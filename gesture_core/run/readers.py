@@ -15,6 +15,23 @@ from gesture_core.run.workers.engines import Assistant
 if TYPE_CHECKING:
     from gesture_core.run.workers.keypoints import Answer
 
+_SAVE = "save it as CSV, with columns such as nose_x, nose_y"
+_OTHERS = {
+    suffix: said
+    for suffixes, said in (
+        (".xlsx .xlsm .xls .ods .numbers", f"a spreadsheet: {_SAVE}"),
+        (".zip .7z .rar .tar .tgz .gz .bz2 .xz .zst", "an archive: unpack it"),
+        (".rds .rda .rdata .sav .dta .sas7bdat", f"data of a statistics program: {_SAVE}"),
+        (".pt .pth", "a pickle of PyTorch, which can run any code: save the array once, with numpy.save"),
+        (".slp", "a project of SLEAP: sleap-convert --format analysis makes a file that is read"),
+        (".skeleton", f"a skeleton file of NTU: {_SAVE}"),
+        (".bvh .fbx .mot .sto .amc .vmd", f"angles of joints: export the places of the joints, {_SAVE}"),
+        (".c3d .glb .gltf .usd", f"a motion capture in three dimensions: export .trc, or {_SAVE}"),
+        (".dat .asc .out", "perhaps a table of numbers: call it .txt"),
+    )
+    for suffix in suffixes.split()
+}
+"""What people bring that nobody reads here, and what to do with it."""
 _TOGETHER = 1000
 """Paths that a reader is asked about at once."""
 
@@ -89,6 +106,10 @@ class Readers:
                 faults.append(("E_MISSING_DEPENDENCY", cause))
         return "", (faults[0][0], "; ".join(cause for _, cause in faults)) if faults else None
 
+    def may_take(self, name: str, path: Path) -> bool:
+        """Whether the file ``path`` is called as those of a reader are."""
+        return any(reader.name == name and _may_take(reader, path) for reader in self._every)
+
     def why_not(self, path: Path) -> str:
         """Why no reader takes the file ``path``: what the readers of files with such a name say of it."""
         near = [reader for reader in self._every if reader.suffixes and _may_take(reader, path)]
@@ -105,7 +126,10 @@ class Readers:
             return f"no reader takes it; {'; '.join(causes)}"
         if near:
             return f"no reader takes it, not {' nor '.join(reader.name for reader in near)}"
-        return "no series of channels" if self.channels else "neither a video nor a keypoint file"
+        if self.channels:
+            return "no series of channels"
+        known = _OTHERS.get(path.suffix.lower())
+        return "neither a video nor a keypoint file" + (f", but {known}" if known else "")
 
     def members(self, reader: str, path: Path) -> list[str]:
         """Names of the sequences in ``path``; a PluginError where the reader ends its process."""
@@ -125,5 +149,5 @@ class Readers:
 def _may_take(reader: Registration, path: Path, inside: Set[str] | None = None) -> bool:
     """Whether a reader, by what it has announced, is to be asked about a file or a folder."""
     if inside is None:
-        return not reader.suffixes or path.suffix.lower() in reader.suffixes
+        return not reader.suffixes or path.name.lower().endswith(tuple(reader.suffixes))
     return not reader.suffixes or (reader.folders and not inside.isdisjoint(reader.suffixes))

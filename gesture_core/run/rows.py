@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from gesture_core.errors import Code
+from gesture_core.errors import Code, InputError
 from gesture_core.records import Event, Prediction, Row
 from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input
 from gesture_core.run.store import Extracted
@@ -180,3 +180,27 @@ def _note(found: Extracted) -> str:
 def _about(item: Input, message: str) -> str:
     """``message`` with the input's name in front, once."""
     return f"{item.name}: {message.removeprefix(f'{item.name}: ')}" if message else ""
+
+
+def input_called(known: Iterable[str], name: str) -> str:
+    """The input called ``name`` among those of a run, or the only one whose name ends so, or holds it.
+
+    Raises
+    ------
+    InputError
+        ``E_NOT_FOUND`` where there is none, or several.
+    """
+    names = dict.fromkeys(known)
+    found = (
+        [one for one in names if one == name]
+        or [one for one in names if one.endswith(name)]
+        or [one for one in names if name in one]
+    )
+    if len(found) != 1:
+        some = ", ".join((found or list(names))[:5])
+        raise InputError(
+            f"{name!r} could be any of {len(found)} inputs" if found else f"no input of the run is {name!r}",
+            remedy=f"one of {some}{' …' if len(found or names) > 5 else ''}",
+            code="E_NOT_FOUND",
+        )
+    return found[0]

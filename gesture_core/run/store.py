@@ -307,11 +307,19 @@ class StoreReader:
     """Reads the files that `gesture extract` writes, as inputs or examples."""
 
     def accepts(self, path: Path) -> bool:
-        """Whether ``path`` is a Parquet file by name and first bytes."""
+        """Whether ``path`` is a Parquet file of ours, or one that is damaged and may be."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
         if path.suffix.lower() != ".parquet" or not path.is_file():
             return False
         with path.open("rb") as file:
-            return file.read(4) == _MAGIC
+            if file.read(4) != _MAGIC:
+                return False
+            try:
+                return _METADATA in (pq.read_schema(file).metadata or {})
+            except (pa.ArrowException, OSError, ValueError):
+                return True
 
     def members(self, path: Path) -> list[str]:
         """Always one sequence."""

@@ -46,11 +46,12 @@ def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
         if path.suffix.lower() == ".txt":
             lines = [line for line in _lines(path) if line.strip() and not line.startswith("#")]
             return [(place(path.parent, line), None) for line in lines]
-        cells, mark = _headings(_lines(path))
+        lines = list(_lines(path, ends=True))
+        cells, mark = _headings(lines)
         if (at := _first(cells, _PATHS)) is None:
             return None
         label = cells.index("label") if "label" in cells else len(cells)
-        rows = list(csv.reader(_lines(path), delimiter=mark))[1:]
+        rows = list(csv.reader(lines, delimiter=mark))[1:]
         return [
             (place(path.parent, row[at]), _text(row[label]) or None if label < len(row) else None)
             for row in rows
@@ -91,7 +92,7 @@ def read_labels(path: Path, columns: str = "") -> tuple[list[tuple[str, str]], b
         ``E_LABELS`` where there is no such file or column.
     """
     try:
-        lines = [line for line in _lines(path) if line.strip()]
+        lines = [line for line in _lines(path, ends=True) if line.strip()]
         if not lines:
             raise ConfigError("is empty", subject=str(path), remedy="path,label", code="E_LABELS")
         cells, mark = _headings(lines)
@@ -172,23 +173,31 @@ def _headings(lines: Iterable[str]) -> tuple[list[str], str]:
     if _path_column(found[","]) is not None:
         return found[","], ","
     for mark in (*_MARKS, " "):
-        counts = {len(_cells(line, mark)) for line in every}
+        rows = list(csv.reader(every, delimiter=mark))
+        counts = {len(row) for row in rows}
         if counts == {2} or (len(counts) == 1 and mark != " " and counts > {1}):
-            return _cells(first, mark), mark
+            return _folded(rows[0]), mark
     return found[","], ","
 
 
 def _cells(line: str, mark: str) -> list[str]:
-    return [cell.strip().casefold() for cell in next(csv.reader([line], delimiter=mark), [])]
+    return _folded(next(csv.reader([line], delimiter=mark), []))
 
 
-def _lines(path: Path) -> Iterator[str]:
-    """The lines of a text; a UnicodeError where they are UTF-16, as spreadsheets offer to write."""
+def _folded(cells: Sequence[str]) -> list[str]:
+    return [cell.strip().casefold() for cell in cells]
+
+
+def _lines(path: Path, *, ends: bool = False) -> Iterator[str]:
+    """The lines of a text; a UnicodeError where they are UTF-16, as spreadsheets offer to write.
+
+    With their ``ends`` where cells may run over several lines.
+    """
     with path.open(encoding="utf-8-sig", errors="surrogateescape", newline="") as file:
         for line in file:
             if "\0" in line:
                 raise UnicodeError
-            yield line.rstrip("\r\n")
+            yield line if ends else line.rstrip("\r\n")
 
 
 def _text(cell: str) -> str:

@@ -18,64 +18,80 @@ _STEPS = ((1, 1), (1, 2), (2, 1))
 """Frames of the stream and of the example by which a path goes on, see `gesture_core.dtw.subsequence`."""
 
 
-def explain_event(
-    event: Event,
-    pose: PoseSequence,
-    examples: Sequence[PoseSequence],
-    labels: Sequence[str],
-    names: Sequence[str],
-    settings: Settings,
-) -> Explanation:
-    """Align an event with its example, and with the nearest example of another label that ends with it.
+class EventExplainer:
+    """Aligns events with their examples, which are fitted once.
 
     Parameters
     ----------
-    event : Event
-    pose : PoseSequence
-        The recording of the event's person.
     examples, labels, names
         Those of the run.
     settings : Settings
         Of the run.
-
-    Raises
-    ------
-    InputError
-        ``E_NO_COMMON`` where the event cannot be found again.
     """
-    spot = replace(settings.spot, verify=False)
-    settings = replace(settings, spot=spot)
-    known = SpottingExamples.fit(settings, examples, labels, names)
-    parts = spans(pose.as_coco18(), spot.gap)
-    span = [one for one in parts if one.times[0] <= event.end <= one.times[-1] + 1e-6]
-    if not span:
+
+    def __init__(
+        self,
+        examples: Sequence[PoseSequence],
+        labels: Sequence[str],
+        names: Sequence[str],
+        settings: Settings,
+    ) -> None:
+        self._settings = replace(settings, spot=replace(settings.spot, verify=False))
+        self._known = SpottingExamples.fit(self._settings, examples, labels, names)
+        self._latest: tuple[PoseSequence, float, Signals] | None = None
+
+    def __call__(self, event: Event, pose: PoseSequence) -> Explanation:
+        """Align an event with its example, and with the nearest example of another label that ends with it.
+
+        Parameters
+        ----------
+        event : Event
+        pose : PoseSequence
+            The recording of the event's person.
+
+        Raises
+        ------
+        InputError
+            ``E_NO_COMMON`` where the event cannot be found again.
+        """
+        known, signals = self._known, self._signals(event, pose)
+        last = int(np.searchsorted(signals.times, event.end - 1e-6))
+        last = min(last, len(signals) - 1)
+        first = max(0, last + 1 - 2 * max(map(len, known.series)) - 2)
+        assert signals.present is not None
+        ways: dict[int, tuple[float, int, np.ndarray]] = {}
+        for members, channels, state in known.look_into(signals.present):
+            distances, lengths = state.push(signals.values[first : last + 1, channels])
+            for column, member in enumerate(members.tolist()):
+                if np.isfinite(distances[-1, column]):
+                    ways[member] = float(distances[-1, column]), int(lengths[-1, column]), channels
+        own = [n for n in ways if known.names[known.example[n]] == event.example]
+        other = [n for n in ways if known.classes[known.codes[known.example[n]]] != event.label]
+        if not own:
+            raise InputError(
+                "its example does not end with the event", subject=event.input, code="E_NO_COMMON"
+            )
+        sides = []
+        for some in (own, other):
+            if some:
+                best = min(some, key=lambda n: ways[n][0])
+                distance, length, channels = ways[best]
+                part = slice(last + 1 - length, last + 1)
+                number = int(known.example[best])
+                found = _align(signals, part, known.series[best], channels, self._settings.spot.floor)
+                label = known.classes[known.codes[number]]
+                sides.append(replace(found, example=known.names[number], label=label, distance=distance))
+        return Explanation(sides[0], sides[1] if len(sides) > 1 else None)
+
+    def _signals(self, event: Event, pose: PoseSequence) -> Signals:
+        """Those of the part of a recording in which the event is; the latest are kept for the next event."""
+        for one in spans(pose.as_coco18(), self._settings.spot.gap):
+            if one.times[0] <= event.end <= one.times[-1] + 1e-6:
+                start = float(one.times[0])
+                if self._latest is None or self._latest[0] is not pose or self._latest[1] != start:
+                    self._latest = pose, start, stream_chain(self._settings)(one)
+                return self._latest[2]
         raise InputError("the person is not there at that time", subject=event.input, code="E_NO_COMMON")
-    signals = stream_chain(settings)(span[0])
-    last = int(np.searchsorted(signals.times, event.end - 1e-6))
-    last = min(last, len(signals) - 1)
-    first = max(0, last + 1 - 2 * max(map(len, known.series)) - 2)
-    assert signals.present is not None
-    ways: dict[int, tuple[float, int, np.ndarray]] = {}
-    for members, channels, state in known.look_into(signals.present):
-        distances, lengths = state.push(signals.values[first : last + 1, channels])
-        for column, member in enumerate(members.tolist()):
-            if np.isfinite(distances[-1, column]):
-                ways[member] = float(distances[-1, column]), int(lengths[-1, column]), channels
-    own = [n for n in ways if known.names[known.example[n]] == event.example]
-    other = [n for n in ways if known.classes[known.codes[known.example[n]]] != event.label]
-    if not own:
-        raise InputError("its example does not end with the event", subject=event.input, code="E_NO_COMMON")
-    sides = []
-    for some in (own, other):
-        if some:
-            best = min(some, key=lambda n: ways[n][0])
-            distance, length, channels = ways[best]
-            part = slice(last + 1 - length, last + 1)
-            number = int(known.example[best])
-            found = _align(signals, part, known.series[best], channels, spot.floor)
-            label = known.classes[known.codes[number]]
-            sides.append(replace(found, example=known.names[number], label=label, distance=distance))
-    return Explanation(sides[0], sides[1] if len(sides) > 1 else None)
 
 
 def _align(signals: Signals, part: slice, example: Signals, channels: np.ndarray, floor: float) -> Alignment:

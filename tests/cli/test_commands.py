@@ -143,7 +143,7 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         ([*CLASSIFY, "--neighbors", "1.9"], 2, "--neighbors: '1.9' is no whole number"),
         (["explain", "{run}", "x", "--person", "0.5"], 2, "no whole number"),
         (["explain", "{run}", "x", "--channels", "1.5"], 2, "no whole number"),
-        (["extract", "https://example.com/a.mp4", "--out", "{out}"], 2, "is an address"),
+        (["extract", "nowhere://x/a.mp4", "--out", "{out}"], 1, "nothing reads nowhere://"),
         (["extract", "{videos}/*.avi", "--out", "{out}"], 2, "nothing matches"),
         ([*CLASSIFY, "--reject", "3sd"], 2, "no class has two examples"),
         (["classify", "absent", "--examples", "absent", "--out", "{out}"], 2, "no such file"),

@@ -225,6 +225,7 @@ def test_what_cannot_be_used_counts_as_wrong_and_is_named(
     assert "a stricter threshold labels fewer inputs (coverage)" in said.out
     assert "2 of 11 inputs count as not recognised" in said.err
     assert "assumed for 9 files: order=coco18, axes=xy, unit=pixels, fps=30" in said.err
+    assert "--set says what is right: keypoints.order, keypoints.axes, keypoints.unit" in said.err
     assert "up_D.npz" in said.err and "up_E.npy" in said.err
     tree = json.loads((out / "evaluation.json").read_text())
     assert (tree["tested"], len(tree["not_recognised"])) == (11, 2)

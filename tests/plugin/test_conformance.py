@@ -9,7 +9,10 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+import scipy.io
 from _pytest.mark import ParameterSet
 from conftest import ROOT
 from tool_files import POINTS, write_csv, write_pose, write_sleap, write_trc
@@ -22,6 +25,7 @@ from gesture_core.plugin.template import write_plugin
 from gesture_core.pose.models import find_model
 from gesture_core.run.store import write_keypoints
 from gesture_core.settings import LimitSettings, load_settings, presets
+from gesture_core.skeletons import COCO18
 from gesture_core.testing import checks_for, draw_pose
 
 CHAIN = ("normalizer", "filter", "selector")
@@ -127,6 +131,15 @@ def samples(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> dic
         values = np.column_stack([joints, np.ones(len(joints))]).reshape(-1).tolist()
         people.append({"image_id": f"{number}.jpg", "keypoints": values, "score": 1.0})
     (folder / "list.json").write_text(json.dumps(people))
+    (folder / "own.json").write_text(json.dumps(poses[0].keypoints.tolist()))
+    scipy.io.savemat(folder / "clip.mat", {"keypoints": poses[0].keypoints})
+    names = [f"{joint}_{axis}" for joint in COCO18.joints for axis in "xy"]
+    columns = dict(zip(names, poses[0].keypoints.reshape(8, -1).T, strict=True))
+    pq.write_table(pa.table(columns), folder / "table.parquet")
+    (folder / "labels").mkdir()
+    for number, joints in enumerate(poses[0].keypoints[:, :17] / (640, 480)):
+        line = "0 0.5 0.5 0.9 0.9 " + " ".join(f"{x} {y} 1" for x, y in joints)
+        (folder / "labels" / f"clip_{number}.txt").write_text(line)
     np.savetxt(folder / "acc.csv", POINTS[:, :3, 0], "%.2f", ",", header="acc_x,acc_y,acc_z", comments="")
     pytest.importorskip("h5py"), pytest.importorskip("pose_format")
     flat = np.concatenate([POINTS, np.zeros_like(POINTS[..., :1])], axis=2)
@@ -140,6 +153,10 @@ def samples(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> dic
         "trc": write_trc(folder / "clip.trc", flat, "px"),
         "arrays": folder / "two.npz",
         "csv": folder / "bare.csv",
+        "json-table": folder / "own.json",
+        "matlab": folder / "clip.mat",
+        "arrow-table": folder / "table.parquet",
+        "yolo-text": folder / "labels",
         "openpose-json": next(path for path in sorted(drawn.video_keypoints.iterdir()) if path.is_dir()),
         "store": folder / "stored.parquet",
     }

@@ -156,7 +156,8 @@ def test_the_command_renders_a_video(
 def test_tags_say_who_it_is_and_when() -> None:
     given = frames((240, 320))
     plain = [picture for _, picture in overlay(given, [pose()])]
-    tagged = [picture for _, picture in overlay(given, [pose(), pose(first=3)], ["0 wave 0.41", "1 Grüße"])]
+    tags = [lambda _: "0 wave 0.41", lambda _: "1 Grüße"]
+    tagged = [picture for _, picture in overlay(given, [pose(), pose(first=3)], tags)]
     assert all((one != other).any() for one, other in zip(plain, tagged, strict=True))
     green = (np.array(tagged[0]) == (115, 158, 0)).all(axis=2)
     assert green.any() and not (np.array(plain[0]) == (115, 158, 0)).all(axis=2).any()
@@ -176,7 +177,7 @@ def test_a_strip_is_cropped_to_the_people() -> None:
 
 def test_what_is_written_above_a_person_is_inside_of_the_strip() -> None:
     around, moved = cropped(frames((400, 600)), [pose()])
-    tagged = list(overlay(around, moved, ["0 wave 0.12"]))
+    tagged = list(overlay(around, moved, [lambda _: "0 wave 0.12"]))
     colour = (115, 158, 0)
     for _, picture in tagged[:2]:
         tag = (picture == colour).all(axis=2)

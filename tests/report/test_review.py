@@ -48,7 +48,8 @@ def copy(classified: tuple[Path, Path], tmp_path: Path) -> Path:
 @pytest.fixture
 def server(copy: Path) -> Iterator[ReviewServer]:
     done = write_report(copy, previews=False)
-    with Answers(copy) as answers, ReviewServer(done.page.parent, answers, list(done.labels)) as opened:
+    with Answers(copy) as answers, ReviewServer(answers) as opened:
+        opened.show(done.page.parent, done.labels)
         thread = threading.Thread(target=opened.serve_forever, args=(0.05,), daemon=True)
         thread.start()
         yield opened
@@ -161,7 +162,8 @@ def test_an_answer_comes_from_the_page_itself_and_is_one(server: ReviewServer) -
     assert ask(server, "POST", path, good, Origin="null")[0] == 403
     assert ask(server, "POST", path, good, Content_Type="text/plain")[0] == 403
     assert ask(server, "POST", f"/{'x' * 32}/answers", good)[0] == 404
-    wrong: list[Any] = [{"row": 99}, {"row": True}, {"row": 1, "label": "no such"}, [], {"label": 3}]
+    wrong: list[Any] = [{"row": 99}, {"row": True}, [], {"label": 3}]
+    wrong += [{"row": 1, "label": label} for label in (3, "", " wave", "a\nb", "\ud800", "x" * 201)]
     for bad in wrong:
         assert ask(server, "POST", path, bad)[0] == 400, bad
     assert ask(server, "POST", path, b"{")[0] == 400
@@ -177,6 +179,26 @@ def test_an_answer_comes_from_the_page_itself_and_is_one(server: ReviewServer) -
     assert server.answers.given() == {1: "wave"}
 
 
+def test_a_port_in_use_is_noticed_before_a_page_is_made(
+    server: ReviewServer, classified: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["review", str(classified[0]), "--port", str(server.server_port)]) == 2
+    assert f"--port {server.server_port} cannot be had" in capsys.readouterr().err
+    assert not (classified[0] / "report").exists()
+
+
+def test_a_label_that_no_example_has_is_an_answer(server: ReviewServer, tmp_path: Path) -> None:
+    path = f"/{server.token}/answers"
+    markup = "<img src=x onerror=alert(1)>"
+    for row, label in enumerate(["thumbs up", markup, "\N{WAVING HAND SIGN} 挥手", NONE]):
+        assert ask(server, "POST", path, {"row": row, "label": label})[0] == 204
+    assert server.answers.given() == {0: "thumbs up", 1: markup, 2: "\N{WAVING HAND SIGN} 挥手", 3: None}
+    data = ask(server, "GET", f"/{server.token}/data.js")[1]
+    assert markup.encode() not in data and b"thumbs up" in data
+    table = write_answers(server.answers.answered(), tmp_path / "corrected.csv")
+    assert {label for _, label in read_labels(table)[0]} >= {"thumbs up", "\N{WAVING HAND SIGN} 挥手"}
+
+
 def test_a_part_of_a_file_is_sent_to_a_player(server: ReviewServer) -> None:
     whole = ask(server, "GET", f"/{server.token}/page.css")[1]
     status, part, headers = ask(server, "GET", f"/{server.token}/page.css", Range="bytes=10-19")
@@ -186,6 +208,7 @@ def test_a_part_of_a_file_is_sent_to_a_player(server: ReviewServer) -> None:
 
 
 def test_a_key_a_clip_and_the_next_one_is_there(server: ReviewServer) -> None:
+    keys = pytest.importorskip("selenium.webdriver.common.keys", reason="selenium is not installed")
     with browser() as driver:
         resize(driver, 1280, 1400)
         driver.get(server.address)
@@ -202,8 +225,19 @@ def test_a_key_a_clip_and_the_next_one_is_there(server: ReviewServer) -> None:
         assert server.answers.given() == {order[0]: names[0], order[1]: None, order[2]: second}
         press(driver, "Backspace")
         until(lambda: len(server.answers.given()) == 2)
+        press(driver, "+")
+        wait(driver, "document.activeElement.matches('#stage .another input')")
+        typing = driver.switch_to.active_element
+        typing.send_keys("2j a <b>", keys.Keys.ENTER)
+        until(lambda: server.answers.given().get(order[2]) == "2j a <b>")
+        assert driver.execute_script("return gesture.state.chosen.index") == order[3]
+        made = "[...document.querySelectorAll('#stage .answer-button')].find((one) => /2j a <b>$/.test("
+        made += "one.textContent))"
+        press(driver, driver.execute_script(f"return {made}.querySelector('kbd').textContent"))
+        until(lambda: server.answers.given().get(order[3]) == "2j a <b>")
         driver.get(server.address)
-        wait(driver, "document.querySelectorAll('#body .answer').length === 2")
+        wait(driver, "document.querySelectorAll('#body .answer').length === 4")
+        wait(driver, made)
         assert complaints(driver) == []
         assert {one for one in requested(driver) if not one.startswith((server.address, "data:"))} == set()
 

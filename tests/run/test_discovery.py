@@ -15,6 +15,7 @@ from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import printable
 from gesture_core.run.inputs import discover
 from gesture_core.run.labels import label_inputs
+from gesture_core.run.tables import read_labels
 
 
 def names(*sources: str | Path, avoid: Path | None = None) -> list[str]:
@@ -61,6 +62,23 @@ def test_what_the_system_makes_up_is_not_walked_into(folder: Path) -> None:
     assert [(item.path.name, item.code) for item in made_up] == [("system", "E_READ")]
     assert "made up by the system" in made_up[0].fault
     assert [item.kind for item in discover(["/proc/self"])] == ["broken"], "one row that says so"
+
+
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+def test_a_quoted_path_in_a_table_keeps_its_line_break(tmp_path: Path, ends: str) -> None:
+    odd = tmp_path / "two\nlines.mp4"
+    for path in (odd, tmp_path / "plain.mp4"):
+        path.write_bytes(b"")
+    manifest = tmp_path / "list.csv"
+    manifest.write_bytes(
+        ends.join(["path,label", '"two\nlines.mp4",wave', "", "plain.mp4,clap", ""]).encode()
+    )
+    found = {item.path: item.label for item in discover([manifest])}
+    assert found == {odd: "wave", tmp_path / "plain.mp4": "clap"}
+    assert read_labels(manifest) == ([("two\nlines.mp4", "wave"), ("plain.mp4", "clap")], True)
+    bare = tmp_path / "bare.csv"
+    bare.write_text('"two\nlines.mp4",wave\nplain.mp4,clap\n')
+    assert read_labels(bare)[0] == read_labels(manifest)[0]
 
 
 def test_text_and_csv_manifests(folder: Path) -> None:

@@ -15,6 +15,7 @@ from gesture_core.cli.main import run as gesture
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.dtw.subsequence import reference_subsequences
 from gesture_core.errors import PluginError
+from gesture_core.report.run_page import write_report
 from gesture_core.spot.explanation import subsequence_path
 from gesture_core.types import PoseSequence
 
@@ -114,6 +115,8 @@ def test_an_event_is_explained_by_its_example(
     assert len(list(out.glob("explain-*event2*.png"))) == 1
     assert gesture(["explain", str(out), "six.npz", "--event", "99"]) == 2
     assert f"--event 1 to {len(rows)}" in capsys.readouterr().err
+    page = write_report(out, tmp_path / "page", previews=False).page.parent
+    assert (page / "details" / "0.js").read_text("utf-8").count('"channels":[{') == len(rows)
 
 
 def test_the_path_of_an_event_is_that_of_its_distance() -> None:

@@ -56,12 +56,13 @@ gesture.alignment = (() => {
 
   // One channel: the query, and both examples at its time.
   function channel(one, record, seconds, near, far) {
-    const wide = 300, high = 128, left = 8, right = 8, top = 8, foot = 100;
+    const wide = 300, high = 128, left = 36, right = 8, top = 8, foot = 100;
     const all = [one.query, one.near ?? [], one.far ?? []].flat();
     const x = scale(0, seconds, left, wide - right), y = scale(Math.min(...all), Math.max(...all), foot, top);
     const svg = draw("svg", { viewBox: `0 0 ${wide} ${high}`, role: "img", "aria-label": `${words(one.name)} over the query's time` });
     const points = (values) => values.map((value, index) => [x.place(record.time[index] / 1000), y.place(value)]);
     svg.append(draw("line", { x1: left, x2: wide - right, y1: foot, y2: foot, class: "grid" }));
+    for (const [value, place] of [[Math.min(...all), foot], [Math.max(...all), top + 7]]) svg.append(text(left - 4, place, value.toFixed(2), { class: "tick", "text-anchor": "end" }));
     if (one.far) svg.append(path(points(one.far), { class: "curve far" }));
     if (one.near) svg.append(path(points(one.near), { class: "curve near" }));
     svg.append(path(points(one.query), { class: "curve query" }));

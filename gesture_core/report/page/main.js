@@ -57,9 +57,10 @@
 
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || help.open) return;
-    const typed = event.target.closest("input[type=search], select, input[type=range]");
+    const typed = event.target.closest("input, select");
     if (event.key === "Escape") {
-      if (document.body.classList.contains("staged")) gesture.stage.close();
+      if (event.target.matches("#stage input[type=text]")) event.target.value = "";
+      else if (document.body.classList.contains("staged")) gesture.stage.close();
       else document.getElementById("clear").click();
       event.target.blur();
       return;

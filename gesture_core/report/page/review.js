@@ -4,9 +4,17 @@ gesture.review = (() => {
   const { data, rows, state, make, counted } = gesture;
   if (!data.review) return null;
   const KEYS = "123456789qwertyuiopsdfghlzxcvbnm";
-  const labels = data.labels.map((label, index) => ({ label, key: KEYS[index] ?? "" }));
-  const history = [];
-  for (const [index, label] of data.review.answers) state.answers.set(index, label);
+  const labels = [], history = [];
+  for (const label of data.labels) learn(label);
+  for (const [index, label] of data.review.answers) {
+    state.answers.set(index, label);
+    if (label !== null) learn(label);
+  }
+
+  // A label gets a key once; those that a person typed follow those of the examples.
+  function learn(label) {
+    if (!labels.some((one) => one.label === label)) labels.push({ label, key: KEYS[labels.length] ?? "" });
+  }
 
   // What was answered: a label, or null for none of these.
   function said(row) {
@@ -23,6 +31,7 @@ gesture.review = (() => {
 
   async function give(row, label) {
     if (!row) return;
+    if (label !== null) learn(label);
     const before = state.answers.has(row.index) ? { label: state.answers.get(row.index) } : null;
     state.answers.set(row.index, label);
     history.push({ row, before });
@@ -54,6 +63,8 @@ gesture.review = (() => {
       const given = state.answers.has(row.index) && state.answers.get(row.index) === label;
       return make("button", { type: "button", class: `answer-button ${kind}`, "aria-pressed": given, onclick: () => give(row, label) }, make("kbd", {}, key), ` ${words}`);
     };
+    const typed = make("input", { type: "text", placeholder: "another label", "aria-label": "Another label", maxlength: 60, autocomplete: "off", spellcheck: "false" });
+    const another = make("form", { class: "another", onsubmit: (event) => { event.preventDefault(); const label = typed.value.trim().replace(/\s+/g, " "); if (label) give(row, label); } }, make("kbd", {}, "+"), " ", typed);
     const rival = row.far === null ? null : gesture.examples[row.far].label;
     return make("section", { class: "review", "aria-label": "Your answer" },
       make("p", { class: "review-head" }, make("b", {}, "What is it?"), make("span", { class: "dim", role: "status" }, `${counted(state.answers.size, "answer")} of ${counted(rows.length, "row")}`)),
@@ -61,7 +72,7 @@ gesture.review = (() => {
         row.best === null ? null : button("↵", row.label === null ? `it is ${row.best}` : `yes, ${row.label}`, row.best, "confirm"),
         button("0", "none of these", null, "reject"),
         make("button", { type: "button", class: "answer-button undo", onclick: undo, disabled: history.length === 0 }, make("kbd", {}, "⌫"), " undo")),
-      make("div", { class: "answers" }, ...labels.map(({ label, key }) => button(key, label, label, label === rival ? "rival" : ""))));
+      make("div", { class: "answers" }, ...labels.map(({ label, key }) => button(key, label, label, label === rival ? "rival" : "")), another));
   }
 
   function key(event) {
@@ -70,6 +81,7 @@ gesture.review = (() => {
     if (event.key === "Enter" && row.best !== null) give(row, row.best);
     else if (event.key === "0") give(row, null);
     else if (event.key === "Backspace") undo();
+    else if (event.key === "+") document.querySelector("#stage .another input")?.focus();
     else {
       const found = labels.find((one) => one.key === event.key.toLowerCase());
       if (!found) return false;
@@ -78,5 +90,5 @@ gesture.review = (() => {
     return true;
   }
 
-  return { said, panel, key, keys: [["Enter", "the label is right"], ["0", "none of these"], ["Backspace", "undo"], ...labels.map(({ label, key: one }) => [one, label])] };
+  return { said, panel, key, keys: [["Enter", "the label is right"], ["0", "none of these"], ["+", "another label: type it, then Enter"], ["Backspace", "undo"], ...labels.map(({ label, key: one }) => [one, label])] };
 })();

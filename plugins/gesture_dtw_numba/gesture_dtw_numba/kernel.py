@@ -156,22 +156,8 @@ class NumbaKernel(PairKernel, SearchKernel, GradientKernel, SubsequenceKernel):
             scratch = make_scratch(int(n.max()), int(m.max()), width, rule.banded, dtype)
             bands = make_bands(n, m, spec)
             found = np.empty(len(place))
-            groups(
-                batch,
-                qs,
-                q_cuts,
-                examples,
-                es,
-                e_cuts,
-                rule,
-                bands,
-                square,
-                gamma,
-                costs,
-                limits,
-                scratch,
-                found,
-            )
+            of_queries, of_examples = (batch, qs, q_cuts), (examples, es, e_cuts)
+            groups(*of_queries, *of_examples, rule, bands, square, gamma, costs, limits, scratch, found)
             out[place] = found
 
         threads = min(self.threads or usable_cores(), len(tasks))

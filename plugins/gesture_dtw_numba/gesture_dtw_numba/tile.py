@@ -57,20 +57,8 @@ def groups(
         own_qs, own_es = qs[q_ends[g] : q_ends[g + 1]], es[e_ends[g] : e_ends[g + 1]]
         shape = (len(own_qs), len(own_es))
         stop = at + shape[0] * shape[1]
-        _group(
-            q,
-            own_qs,
-            e,
-            own_es,
-            rule,
-            bands,
-            square,
-            gamma,
-            costs,
-            limits,
-            scratch,
-            out[at:stop].reshape(shape),
-        )
+        found = out[at:stop].reshape(shape)
+        _group(q, own_qs, e, own_es, rule, bands, square, gamma, costs, limits, scratch, found)
         at = stop
 
 

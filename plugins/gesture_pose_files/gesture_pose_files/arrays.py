@@ -11,12 +11,13 @@ import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
+from gesture_core.joint_names import joint_named
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import Skeleton
 from gesture_core.types import PoseSequence
-from gesture_pose_files.files import head_of, open_keypoints
+from gesture_pose_files.files import head_of, open_keypoints, suffix_of
 from gesture_pose_files.layout import sequence, skeleton_called
-from gesture_pose_files.named import order_of
+from gesture_pose_files.named import joints_among, order_of, people_of
 from gesture_pose_files.npy import MAX_FILE_BYTES, read_array, read_header
 from gesture_pose_files.npz import Members, array_in, members_of, opened, shape_of
 from gesture_pose_files.reader import Reader, clip_called
@@ -26,16 +27,17 @@ _PICKLES = (".pkl", ".pickle", ".joblib")
 _NPY_MAGIC = b"\x93NUMPY"
 _ZIP_MAGIC = b"PK\x03\x04"
 _MAX_NAME_CHARS = 64
-_KEYPOINTS = ("keypoints", "keypoint", "pose", "poses", "pose_landmarks", "body")
+KEYPOINTS = ("keypoints", "keypoint", "pose", "poses", "pose_landmarks", "body")
 _SCORES = (
     "scores", "score", "keypoint_scores", "keypoint_score", "keypoints_score", "confidence", "conf",
     "visibility", "pose_scores",
 )  # fmt: skip
-_RATES = ("fps", "frame_rate", "framerate")
+RATES = ("fps", "frame_rate", "framerate")
 _TIMES = ("times", "timestamps", "timestamp", "time", "t")
 _NAMES = ("joint_names", "keypoint_names", "landmark_names", "node_names", "joints", "names")
 _PICTURES = {"frame_size": False, "img_shape": True, "original_shape": True, "image_shape": True}
 """Whether the height stands first, as in MMPose's and OpenCV's shapes of images."""
+_FEWEST_JOINTS = 3
 # Joints of a hand, and of a face as dlib, MediaPipe, and MediaPipe with irises have them.
 _HAND_AND_FACE = (21, 68, 70, 468, 478)
 
@@ -55,10 +57,10 @@ class ArrayReader(Reader):
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is called ``.npy`` or ``.npz`` and begins like one; one frame is no sequence."""
-        suffix = path.suffix.lower()
+        suffix = suffix_of(path)
         if suffix == ".npy":
             return head_of(path, 6) == _NPY_MAGIC and not self._is_one_frame(path)
-        return suffix == ".npz" and head_of(path, 4) == _ZIP_MAGIC
+        return path.suffix.lower() == ".npz" and head_of(path, 4) == _ZIP_MAGIC
 
     def refusal(self, path: Path) -> str:
         """That pickles are not opened, or that the file is none of NumPy's."""
@@ -84,7 +86,8 @@ class ArrayReader(Reader):
         if head_of(path, 4) != _ZIP_MAGIC:
             return [""]
         with opened(path) as archive:
-            names = _sequence_names(_shapes(archive, members_of(archive, path), path), self.options)
+            shapes = _shapes(archive, members_of(archive, path), path)
+        names = [] if _by_joint(shapes) else _sequence_names(shapes, self.options)
         return names if len(names) > 1 else [""]
 
     def read(self, path: Path, member: str = "") -> list[PoseSequence]:
@@ -114,7 +117,10 @@ class ArrayReader(Reader):
         options = _with_rate(archive, keys, self.options, source)
         if member in keys:
             return self._sequences(array_in(archive, keys[member], source), options, source)
-        names = _sequence_names(_shapes(archive, keys, path), options) if not member else []
+        shapes = {} if member else _shapes(archive, keys, path)
+        if separate := _by_joint(shapes):
+            return self._named(archive, keys, separate, options, source)
+        names = _sequence_names(shapes, options)
         name = clip_called(member, {name: name for name in names}, path, "arrays of keypoints")
         points = array_in(archive, keys[name], source)
         if scores := next((key for key in _SCORES if key in keys and key != name), ""):
@@ -132,11 +138,29 @@ class ArrayReader(Reader):
         for order in joints.values():
             options = replace(options, order=order)
         size, picture = _picture(archive, keys, source)
-        used = {name, scores, clock, "skeleton", picture, *joints, *_RATES}
+        used = {name, scores, clock, "skeleton", picture, *joints, *RATES}
         others = [key for key in keys if key not in used]
         more = ", …" if others[5:] else ""
         notes = (f"arrays that are not used: {', '.join(others[:5])}{more}",) if others else ()
         return self._sequences(points, options, source, times, body, size, notes)
+
+    def _named(
+        self, archive: zipfile.ZipFile, keys: Members, joints: list[str], options: ReadOptions, source: str
+    ) -> list[PoseSequence]:
+        """The person of whom each array is a joint."""
+        values = np.stack([array_in(archive, keys[name], source) for name in joints], axis=1)
+        times, clock = _times(archive, keys, (len(values), 1, 1), source)
+        others = [key for key in keys if key not in (*joints, clock, *RATES)]
+        return people_of(
+            joints_among(joints, options, source),
+            values[None, ..., :2],
+            values[None, ..., 2] if values.shape[2] == 3 else None,
+            options,
+            source=source,
+            reader="arrays",
+            times=times,
+            notes=(f"arrays that are not used: {', '.join(others[:5])}",) if others else (),
+        )
 
     def _sequences(
         self,
@@ -169,7 +193,7 @@ class ArrayReader(Reader):
 
 def _with_rate(archive: zipfile.ZipFile, keys: Members, options: ReadOptions, source: str) -> ReadOptions:
     """The options with the rate that the archive itself says."""
-    name = next((key for key in _RATES if key in keys), None)
+    name = next((key for key in RATES if key in keys), None)
     if name is None or options.fps is not None:
         return options
     rate = array_in(archive, keys[name], source).reshape(-1)
@@ -244,11 +268,18 @@ def _sequence_names(shapes: Mapping[str, tuple[int, ...]], options: ReadOptions)
     if "keypoints" in shapes:
         return ["keypoints"]
     bodies = [key for key, shape in shapes.items() if is_known(shape, options)]
-    named = [key for key in _KEYPOINTS if key in bodies]
+    named = [key for key in KEYPOINTS if key in bodies]
     main = named[0] if named else bodies[0] if len(bodies) == 1 else ""
     if main and all(_describes(shapes[key], shapes[main]) for key in shapes if key != main):
         return [main]
     return [key for key, shape in shapes.items() if len(shape) >= 2]
+
+
+def _by_joint(shapes: Mapping[str, tuple[int, ...]]) -> list[str]:
+    """Keys of arrays that are one joint each, (T, 2|3), by their names; none where there are few."""
+    named = [key for key, shape in shapes.items() if shape[1:] in ((2,), (3,)) and joint_named(key)]
+    alike = len({shapes[key] for key in named}) == 1
+    return named if alike and len(named) >= _FEWEST_JOINTS else []
 
 
 def _describes(shape: tuple[int, ...], main: tuple[int, ...]) -> bool:

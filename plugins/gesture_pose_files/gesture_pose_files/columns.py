@@ -17,7 +17,7 @@ _PARTS = {
     "v": "score", "prob": "score", "probability": "score", "p": "score", "s": "score",
 }  # fmt: skip
 _NUMBERED = {"kp", "kpt", "keypoint", "keypoints", "joint", "joints", "landmark", "landmarks", "lm", "point"}
-_NUMBERED |= {"points", "pt", "pose", "j", "k", "marker", "node"}
+_NUMBERED |= {"points", "pt", "pose", "j", "k", "marker", "node", "position", "pos", "location", "bones"}
 _TIMES = dict.fromkeys(
     ("time", "times", "timestamp", "timestamps", "t", "sec", "secs", "second", "seconds", "timesec", "times",
      "timeseconds", "timestampsec", "timestamps", "timestampseconds"), 1.0,
@@ -25,7 +25,7 @@ _TIMES = dict.fromkeys(
     ("ms", "msec", "timems", "timemsec", "timestampms", "timestampmsec", "milliseconds", "timemilliseconds"),
     1e-3,
 ) | {"timeus": 1e-6, "timestampus": 1e-6, "us": 1e-6, "timens": 1e-9, "timestampns": 1e-9}  # fmt: skip
-_FRAMES = set(
+FRAMES = set(
     "frame frames frameid framenumber frameno framenum frameidx frameindex framenr framecount image imageid "
     "imageindex imgid imagename f bodypartscoords scorerbodypartscoords coords".split()
 )
@@ -42,7 +42,7 @@ _CLIPS = set(
 _JOINTS = set(
     "keypoint keypointid keypointname keypointidx keypointindex joint jointid jointname jointidx jointindex "
     "bodypart bodypartname landmark landmarkid landmarkname landmarkidx landmarkindex kp kpid part partname "
-    "point pointid node nodename marker markername".split()
+    "point pointid node nodename marker markername jointtype bone bonename".split()
 )
 _INDEX = {"", "index", "unnamed", "row", "rowid", "rownumber", "rownames"}
 _SHOWN = 5
@@ -149,7 +149,7 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
     else:
         return None
     time = next((role for role in single if role in _TIMES), None)
-    frame = next((single[role] for role in single if role in _FRAMES), None)
+    frame = next((single[role] for role in single if role in FRAMES), None)
     person = next((single[role] for role in _PEOPLE if role in single), None)
     known = {frame, person, single.get(time or "-"), joint if joints == [""] else None}
     known |= {places[j, part] for j in joints for part in ("x", "y", "z", "score") if (j, part) in places}

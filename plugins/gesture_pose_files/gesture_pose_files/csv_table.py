@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from functools import partial
 from io import BytesIO
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
-from typing import IO
+from typing import IO, ClassVar
 
 import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.files import printable
+from gesture_core.joint_names import joint_named
 from gesture_core.types import PoseSequence
 from gesture_pose_files.columns import Columns, body_of_rows, columns_of, missing_note, unused_note
 from gesture_pose_files.deeplabcut import is_deeplabcut
-from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, head_of, open_keypoints
+from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, head_of, open_keypoints, suffix_of
 from gesture_pose_files.layout import flat_widths, sequence
 from gesture_pose_files.ordering import Rows, by_joint, by_person, frame_numbers, in_order
 from gesture_pose_files.people import tracks
@@ -28,11 +30,13 @@ _MAX_JOINT_ROWS = 8 * MAX_FRAMES
 _SHOWN = 100
 _MOST_LEADING = 2
 _FEWEST_ROWS = 3
+_CALENDAR = 1e8
+"""Seconds from which on a time is one of a calendar: three years."""
 _Person = tuple[np.ndarray, np.ndarray | None, Rows, list[str]]
 
 
 class CsvReader(OneClipReader):
-    """Reads keypoint tables, separated by commas, semicolons or tabs.
+    """Reads keypoint tables, separated by commas, semicolons, tabs, bars or spaces.
 
     - Without names: one row a frame, 2, 3 or 4 values for each joint; 36 columns are x, y in OpenPose's
       COCO order. Rows of zeros are frames in which nobody was found.
@@ -41,9 +45,11 @@ class CsvReader(OneClipReader):
       seconds or the frame, and for the person. What else there is, is named in a note.
     """
 
+    name: ClassVar[str] = "csv"
+
     def accepts(self, path: Path) -> bool:
-        """Whether a ``.csv`` or ``.tsv`` begins with a row of keypoints, or with names of joints."""
-        if path.suffix.lower() not in SUFFIXES:
+        """Whether a table or text begins with a row of keypoints, or with names of joints."""
+        if suffix_of(path) not in SUFFIXES:
             return False
         head = head_of(path, _HEAD_BYTES)
         if is_deeplabcut(head):
@@ -52,7 +58,11 @@ class CsvReader(OneClipReader):
             head = head[: head.rfind(b"\n") + 1] or head
         try:
             names, rows, columns = self._opened(BytesIO(head), printable(path))
-            return columns is not None if names else bool(self._ends(next(rows, [])))
+            if names:
+                return columns is not None
+            if suffix_of(path) == ".txt":  # which may hold anything
+                return self._is_bare(list(islice(rows, _FEWEST_ROWS)))
+            return bool(self._ends(next(rows, [])))
         except KeypointError as error:
             if error.code == "E_KEYPOINTS_SKELETON":
                 raise
@@ -67,7 +77,20 @@ class CsvReader(OneClipReader):
             return "it is empty"
         if b"\0" in head:
             return "it is no UTF-8 text; save it as CSV in UTF-8"
-        return f"its header {_quoted(header)} names no joints, and is no row of keypoints"
+        if b"\r" in head and b"\n" not in head:
+            return "its lines end as old Macintoshes ended them; save it as CSV in UTF-8"
+        if suffix_of(path) == ".txt" and not any(character.isdigit() for character in header):
+            return ""
+        named = [cell for cell in re.split(r"[,;\t|]", header) if joint_named(cell.strip(' "'))]
+        if len(named) > 1:
+            return (
+                f"its header {_quoted(header)} names joints, and not what of them is in a column; "
+                f"wanted is a column for each number: {named[0]}_x, {named[0]}_y"
+            )
+        return (
+            f"its header {_quoted(header)} names no joints, and is no row of keypoints; wanted are columns "
+            "nose_x, nose_y, …, or frame, joint, x, y, or a row of x and y for each frame"
+        )
 
     def sequences(self, path: Path, source: str) -> list[PoseSequence]:
         """The people in the table."""
@@ -87,10 +110,26 @@ class CsvReader(OneClipReader):
     def _opened(
         self, file: IO[bytes], source: str
     ) -> tuple[list[str] | None, Iterator[list[str]], Columns | None]:
-        """The names of the columns, the rows below, and what the names are."""
+        """The names of the columns, the rows below, and what the names are.
+
+        R's tables name their columns, but not that of the numbers or names of the rows before them.
+        """
         find = partial(columns_of, options=self.options, source=source)
         names, rows = split_header(rows_of(file, source), find)
-        return names, rows, find(names) if names else None
+        first = list(islice(rows, 1))
+        longer = names and first and len(first[0]) == len(names) + 1 and first[0][-1].strip()
+        if names and longer and number_in(first[0][0]) in (None, 0, 1):
+            names = ["", *names]
+        return names, chain(first, rows), find(names) if names else None
+
+    def _is_bare(self, rows: Sequence[list[str]]) -> bool:
+        """Whether the first rows of a text are keypoints without names, and nothing else in numbers."""
+        if not rows or not self._ends(rows[0]) or len({len(row) for row in rows}) > 1:
+            return False
+        numbers = [[number_in(cell) for cell in row] for row in rows]
+        if any(value is None for row in numbers for value in row):
+            return False
+        return bool(self._ends(rows[0], [_leading(np.array(numbers, np.float64))]))
 
     def _ends(self, cells: Sequence[str], leading: Sequence[int] = range(_MOST_LEADING + 1)) -> list[int]:
         """Where keypoints may end in a row without names, after so many ``leading`` columns."""
@@ -113,7 +152,7 @@ class CsvReader(OneClipReader):
         if flat_widths(self.options)[points.shape[1]][1] == 2:
             _refuse_labels(points, source)
         times = table[:, 1] if leading == 2 else None
-        return [sequence(points, self.options, source=source, reader="csv", times=times)]
+        return [sequence(points, self.options, source=source, reader=self.name, times=times)]
 
     def _named(
         self, names: list[str], columns: Columns, rows: Iterator[list[str]], source: str
@@ -121,7 +160,7 @@ class CsvReader(OneClipReader):
         places = [*columns.x, *columns.y, *columns.score, columns.time]
         wanted = sorted({place for place in places if place is not None})
         most = MAX_FRAMES if columns.joint is None else _MAX_JOINT_ROWS
-        table, texts = numbers_of(rows, len(names), wanted, names, most, source)
+        table, texts = numbers_of(rows, len(names), wanted, names, most, source, columns.time)
         if np.isinf(table).any():
             raise KeypointError("holds an infinite value", subject=source, code="E_KEYPOINTS_VALUE")
         rest = [column for column in range(len(names)) if column not in wanted]
@@ -138,6 +177,8 @@ class CsvReader(OneClipReader):
                 code="E_KEYPOINTS_FORMAT",
             )
         times = None if columns.time is None else table[:, columns.time] * columns.tick
+        if times is not None and len(times) and np.nanmin(times) > _CALENDAR:  # the time of day says nothing
+            times = times - np.nanmin(times)
         frames = text_of(columns.frame)
         every = Rows(
             np.stack([_take(table, c) for c in (columns.x, columns.y, columns.score)], axis=2),
@@ -163,7 +204,7 @@ class CsvReader(OneClipReader):
                         points,
                         self.options,
                         source=source,
-                        reader="csv",
+                        reader=self.name,
                         scores=scores,
                         times=mine.times,
                         numbers=mine.numbers,

@@ -12,7 +12,7 @@ import numpy as np
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
-from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, head_of, open_keypoints
+from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, head_of, open_keypoints, suffix_of
 from gesture_pose_files.named import joints_among, people_of
 from gesture_pose_files.numbering import number_in
 from gesture_pose_files.reader import OneClipReader
@@ -34,7 +34,7 @@ class DeepLabCutCsvReader(OneClipReader):
 
     def accepts(self, path: Path) -> bool:
         """Whether the first cell of a table is ``scorer`` or ``bodyparts``."""
-        return path.suffix.lower() in SUFFIXES and is_deeplabcut(head_of(path, 64))
+        return suffix_of(path) in SUFFIXES and is_deeplabcut(head_of(path, 64))
 
     def sequences(self, path: Path, source: str) -> list[PoseSequence]:
         """The individuals in the table."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -26,6 +27,7 @@ _MAGIC = b"\x89HDF\r\n\x1a\n"
 _SUFFIXES = (".h5", ".hdf5")
 _MAX_FILE_BYTES = 2 << 30
 _MAX_LABELS = 1 << 16
+_AS_TABLE = "to_parquet or to_csv, for a data frame with columns such as nose_x, nose_y"
 
 
 class Hdf5Reader(OneClipReader):
@@ -115,9 +117,12 @@ def _pandas(group: h5py.Group, source: str) -> tuple[list[Column], np.ndarray, l
         isinstance(label, tuple) and len(label) in (3, 4) and all(isinstance(part, str) for part in label)
         for label in labels
     ):
-        raise _refused("has columns of other than scorer, (individual,) body part and coordinate", source)
+        raise _refused(
+            "has columns of other than scorer, (individual,) body part and coordinate", source, _AS_TABLE
+        )
     if values.ndim != 2 or len(labels) != values.shape[1] or len(index) != len(values):
-        raise _refused(f"has {len(labels)} columns for values of shape {values.shape}", source)
+        cause = f"has {len(labels)} columns of scorer, body part and coordinate for {values.shape} values"
+        raise _refused(cause, source, _AS_TABLE)
     whole = index.ndim == 1 and index.dtype.kind in "iu"
     columns = [("" if len(label) == 3 else label[1], label[-2], label[-1]) for label in labels]
     return columns, values.astype(np.float64), [int(number) if whole else None for number in index]
@@ -161,6 +166,35 @@ def _opened(path: Path, source: str) -> Iterator[h5py.File]:
                 remedy=COPY_AGAIN,
                 code="E_KEYPOINTS_BROKEN",
             ) from error
+
+
+Loaders = dict[str, tuple[tuple[int, ...], Callable[[], np.ndarray]]]
+"""Shape of each array by its name, and what loads it."""
+
+
+@contextmanager
+def arrays_in(path: Path, source: str) -> Iterator[Loaders]:
+    """Shape of each array of numbers at the top of a file of MATLAB 7.3, with what loads it; by rows."""
+    try:
+        import h5py
+    except ImportError as error:
+        raise KeypointError(
+            "is of MATLAB 7.3, which needs h5py",
+            subject=source,
+            remedy="pip install 'gesture-core[hdf5]', or save(…, '-v7')",
+            code="E_MISSING_DEPENDENCY",
+        ) from error
+    with _opened(path, source) as file:
+        held: Loaders = {}
+        for name in file:
+            found = _group(file, name, source)
+            if isinstance(found, h5py.Dataset) and found.dtype.kind in "fiub":
+                held[name] = found.shape[::-1], partial(_by_rows, file, name, source)
+        yield held
+
+
+def _by_rows(file: h5py.File, name: str, source: str) -> np.ndarray:
+    return _array(file, name, source).T
 
 
 def _group(parent: h5py.Group, name: str, source: str) -> h5py.Group | h5py.Dataset:

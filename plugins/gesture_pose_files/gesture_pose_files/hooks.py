@@ -2,6 +2,8 @@
 
 from gesture_core.plugin.hooks import Register, hookimpl
 
+_PACKED = (".csv.gz", ".tsv.gz", ".txt.gz", ".csv.bz2", ".tsv.bz2", ".txt.bz2")
+
 
 @hookimpl
 def register_keypoint_readers(register: Register) -> None:
@@ -16,13 +18,19 @@ def register_keypoint_readers(register: Register) -> None:
         "result-list",
         "gesture_pose_files.result_list:ResultListReader",
         summary="one JSON file a clip, as AlphaPose, COCO's tools and MMPose write it",
-        suffixes=(".json",),
+        suffixes=(".json", ".json.gz", ".json.bz2"),
+    )
+    register(
+        "json-table",
+        "gesture_pose_files.json_table:JsonTableReader",
+        summary="frames in JSON or JSON lines as people write them, MediaPipe's landmarks, tables of pandas",
+        suffixes=(".json", ".jsonl", ".ndjson", ".json.gz", ".jsonl.gz", ".ndjson.gz"),
     )
     register(
         "arrays",
         "gesture_pose_files.arrays:ArrayReader",
         summary="keypoints in .npz or .npy arrays, COCO, BODY_25, MPI or MediaPipe layout",
-        suffixes=(".npy", ".npz", ".pkl", ".pickle", ".joblib"),
+        suffixes=(".npy", ".npz", ".npy.gz", ".npy.bz2", ".pkl", ".pickle", ".joblib"),
     )
     register(
         "array-frames",
@@ -32,16 +40,35 @@ def register_keypoint_readers(register: Register) -> None:
         folders=True,
     )
     register(
+        "arrow-table",
+        "gesture_pose_files.arrow_table:ArrowTableReader",
+        summary="keypoints in Parquet or Feather, as data-frame libraries write them",
+        suffixes=(".parquet", ".feather", ".arrow"),
+    )
+    register(
+        "matlab",
+        "gesture_pose_files.matlab:MatlabReader",
+        summary="one array of keypoints in a .mat of MATLAB",
+        suffixes=(".mat",),
+    )
+    register(
+        "yolo-text",
+        "gesture_pose_files.yolo_text:YoloTextReader",
+        summary="a folder of the text files of Ultralytics, one numbered file a frame",
+        suffixes=(".txt",),
+        folders=True,
+    )
+    register(
         "csv",
         "gesture_pose_files.csv_table:CsvReader",
-        summary="keypoints in CSV, with or without a header",
-        suffixes=(".csv", ".tsv"),
+        summary="keypoints in CSV or text, with or without a header",
+        suffixes=(".csv", ".tsv", ".txt", *_PACKED),
     )
     register(
         "deeplabcut-csv",
         "gesture_pose_files.deeplabcut:DeepLabCutCsvReader",
         summary="the CSV files of DeepLabCut, of one individual or several",
-        suffixes=(".csv", ".tsv"),
+        suffixes=(".csv", ".tsv", *_PACKED),
     )
     register(
         "hdf5",

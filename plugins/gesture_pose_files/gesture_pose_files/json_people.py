@@ -22,7 +22,7 @@ from gesture_pose_files.whole_body import body_of, known_counts
 _LARGEST = 1e7
 _PEOPLE = ("people", "bodies", "instances", "instance_info", "predictions")
 _KEYPOINTS = ("pose_keypoints_2d", "pose_keypoints", "keypoints", "joints")
-_SCORES = ("keypoint_scores", "keypoints_scores", "keypoint_score", "kp_score", "keypoints_visible")
+SCORES = ("keypoint_scores", "keypoints_scores", "keypoint_score", "kp_score", "keypoints_visible")
 _HANDS = ("hand_left_keypoints_2d", "hand_right_keypoints_2d", "face_keypoints_2d")
 _IDENTITIES = ("track_id", "idx", "person_id")
 
@@ -115,7 +115,7 @@ def _joints(person: Mapping[str, Any], number: int, name: str, options: ReadOpti
         raise _refused(f"person {number} has no list 'pose_keypoints_2d' or 'keypoints'", name)
     if not held:
         return None
-    scores = next((person[key] for key in _SCORES if isinstance(person.get(key), list)), None)
+    scores = next((person[key] for key in SCORES if isinstance(person.get(key), list)), None)
     if isinstance(held[0], list):
         width = len(held[0])
         if width not in (2, 3) or not all(isinstance(joint, list) and len(joint) == width for joint in held):

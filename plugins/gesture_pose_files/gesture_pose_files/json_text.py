@@ -30,17 +30,33 @@ def load(path: Path, max_bytes: int) -> Any:
         `E_KEYPOINTS_JSON` (not JSON, too deep), and those of `files.open_keypoints`.
     """
     with open_keypoints(path, max_bytes) as file:
-        data = file.read(max_bytes + 1)
+        return _parsed(file.read(max_bytes + 1), printable(path))
+
+
+def load_lines(path: Path, max_bytes: int) -> list[Any]:
+    """The trees in the lines of the file ``path``, those that are blank left out.
+
+    Raises
+    ------
+    KeypointError
+        As `load`, for the first line that is not JSON.
+    """
+    with open_keypoints(path, max_bytes) as file:
+        lines = file.read(max_bytes + 1).removeprefix(b"\xef\xbb\xbf").splitlines()
     name = printable(path)
+    return [_parsed(line, name, f"line {n} ") for n, line in enumerate(lines, 1) if line.strip()]
+
+
+def _parsed(data: bytes, name: str, where: str = "") -> Any:
     if _depth(data) > MAX_DEPTH:
         raise KeypointError(
-            f"is nested deeper than {MAX_DEPTH} levels", subject=name, code="E_KEYPOINTS_JSON"
+            f"{where}is nested deeper than {MAX_DEPTH} levels", subject=name, code="E_KEYPOINTS_JSON"
         )
     try:
         return json.loads(data, parse_constant=_constant)
     except (ValueError, RecursionError) as error:
         raise KeypointError(
-            f"is not JSON: {error}", subject=name, remedy=COPY_AGAIN, code="E_KEYPOINTS_JSON"
+            f"{where}is not JSON: {error}", subject=name, remedy=COPY_AGAIN, code="E_KEYPOINTS_JSON"
         ) from error
 
 
@@ -63,7 +79,8 @@ def kind_of(path: Path) -> Literal["frame", "list", "other"]:
         nobody = head.strip() in (b"[]", b"[ ]") and not path.name.lower().endswith("_keypoints.json")
         if has("image_id", "keypoints") or has("frame_id", "instances") or nobody:
             return "list"
-        return "frame" if has("keypoints", "keypoint_scores") or has("keypoints", "class") else "other"
+        one = has("keypoints", "keypoint_scores") or has("keypoints", "class") or has("keypoints", "bbox")
+        return "frame" if one else "other"
     if not head.startswith(b"{"):
         return "other"
     if _IMAGE_FIRST.match(head):

@@ -51,7 +51,7 @@ def read_header(file: IO[bytes], name: str) -> tuple[tuple[int, ...], bool, np.d
         raise KeypointError(
             "holds Python objects or records, which are not read",
             subject=name,
-            remedy="save plain numbers",
+            remedy="plain numbers of one shape, as np.stack makes them of the frames",
             code="E_KEYPOINTS_FORMAT",
         )
     if any(type(side) is not int or side < 0 for side in shape):

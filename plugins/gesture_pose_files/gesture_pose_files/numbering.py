@@ -21,6 +21,7 @@ _NUMBER_FIRST = re.compile(
     r"(?P<number>\d{1,18})[_\-. ](?P<clip>.*?)(?:[_\-. ]keypoints)?", re.DOTALL | re.IGNORECASE
 )
 _SUFFIX = re.compile(r"\.[A-Za-z][A-Za-z0-9]{0,5}")
+_PREDICTIONS = re.compile(r"(?:\.(?:jpe?g|png|bmp))?\.predictions", re.IGNORECASE)
 
 
 def number_in(name: str) -> tuple[str, int] | None:
@@ -37,6 +38,8 @@ def number_in(name: str) -> tuple[str, int] | None:
     stem, dot, suffix = name.rpartition(".")
     if dot and _SUFFIX.fullmatch(dot + suffix):
         name = stem
+    if found := _PREDICTIONS.search(name):  # OpenPifPaf's, of a picture
+        name = name[: found.start()]
     if match := _NUMBERED.fullmatch(name):
         return match[1].rstrip("(_-. /\\"), int(match[2])
     match = _NUMBER_FIRST.fullmatch(name)

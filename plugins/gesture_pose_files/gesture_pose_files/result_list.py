@@ -12,7 +12,7 @@ from gesture_core.files import printable
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.clip import Clip
-from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES
+from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES, suffix_of
 from gesture_pose_files.json_people import Found, is_frame, people_in
 from gesture_pose_files.json_text import described, kind_of, load
 from gesture_pose_files.named import order_of
@@ -41,7 +41,7 @@ class ResultListReader(Reader):
 
     def accepts(self, path: Path) -> bool:
         """Whether a ``.json`` file begins like one of the known lists."""
-        return path.suffix.lower() == ".json" and kind_of(path) == "list"
+        return suffix_of(path) == ".json" and kind_of(path) == "list"
 
     def refusal(self, path: Path) -> str:
         """What the file begins with, and what is known; nothing where it is a frame."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import UTC, datetime
 from itertools import chain, islice
 from typing import IO
 
@@ -14,12 +15,14 @@ from gesture_core.errors import KeypointError
 from gesture_pose_files.files import MAX_FRAMES
 
 MAX_LINE = 1 << 20
-SUFFIXES = (".csv", ".tsv")
+SUFFIXES = (".csv", ".tsv", ".txt")
 """Of the tables that readers of this plugin take."""
 _MOST_HEADS = 4
 _LOOKED_AT = 8
 _NAMES_ITS_SEPARATOR = re.compile(r'"?sep=(.|\\t)"?', re.IGNORECASE)
 _FEWEST = 20  # columns of a bare table
+_THOUSANDS = re.compile(r"-?[0-9]{1,3}(,[0-9]{3})+\.[0-9]+")
+_CLOCK = re.compile(r"(?:(\d+) days? )?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)")
 _MISSING = frozenset(("", "nan", "-nan", "none", "null", "na", "n/a", "#n/a", "<na>", "nil", "-", "--", "."))
 _MAX_ROWS = MAX_FRAMES * 64
 
@@ -111,6 +114,7 @@ def numbers_of(
     names: Sequence[str],
     most: int,
     source: str,
+    clock: int | None = None,
 ) -> tuple[np.ndarray, list[list[str]]]:
     """(T, width) float64 of all rows, NaN for what is missing and for columns that are not wanted, and the
     text of the others.
@@ -126,6 +130,8 @@ def numbers_of(
         Of the columns, for errors; may be empty.
     most : int
         Rows.
+    clock : int, optional
+        The one of them that holds times, perhaps as clocks or calendars write them.
 
     Raises
     ------
@@ -155,13 +161,14 @@ def numbers_of(
             values[wanted] = [float(cells[column]) for column in wanted]
         except ValueError:
             for column in wanted:
-                value = number_in(cells[column])
+                value = (seconds_in if column == clock else number_in)(cells[column])
                 if value is None:
                     where = repr(names[column].strip()[:40]) if names else str(column + 1)
                     raise KeypointError(
                         f"row {number}, column {where}: {cells[column].strip()[:40]!r} is no number",
                         subject=source,
-                        remedy="an empty cell where a joint is missing",
+                        remedy="numbers alone below the header, without units, sums or remarks, and an "
+                        "empty cell where a joint is missing",
                         code="E_KEYPOINTS_FORMAT",
                     ) from None
                 values[column] = value
@@ -177,12 +184,30 @@ def number_in(cell: str) -> float | None:
         return np.nan
     if "_" in text:  # Python reads 0_1 as 1
         return None
+    if _THOUSANDS.fullmatch(text):
+        text = text.replace(",", "")
     if text.count(",") == 1 and "." not in text:
         text = text.replace(",", ".")
     try:
         return float(text)
     except ValueError:
         return None
+
+
+def seconds_in(cell: str) -> float | None:
+    """A time in a cell: a number as it is, 00:01:02.5 and days in seconds, a date in seconds since 1970."""
+    value = number_in(cell)
+    if value is not None:
+        return value
+    text = cell.strip()
+    if found := _CLOCK.fullmatch(text):
+        days, hours, minutes, seconds = (float((part or "0").replace(",", ".")) for part in found.groups())
+        return ((days * 24 + hours) * 60 + minutes) * 60 + seconds
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def counting(cells: Sequence[str]) -> int | None:
