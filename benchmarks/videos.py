@@ -22,6 +22,7 @@ from datasets import Item, arguments, body_gesture
 from gesture_core.errors import GestureError
 from gesture_core.plugin.interfaces import PoseBackend
 from gesture_core.pose.extract import extract_poses, open_backend
+from gesture_core.pose.hands import HandFinder, open_hands
 from gesture_core.settings import load_settings
 from gesture_core.types import PoseSequence
 from gesture_core.video import at_rate, open_video, pictures
@@ -32,10 +33,18 @@ def video_of(item: Item, shared: Path) -> Path:
     return shared / "data" / "body_gesture" / item.subject / f"{item.name.split('__')[2]}.avi"
 
 
-def extract(video: Path, backend: PoseBackend, rate: float, follow: bool | None = None) -> PoseSequence:
+def extract(
+    video: Path,
+    backend: PoseBackend,
+    rate: float,
+    follow: bool | None = None,
+    hands: HandFinder | None = None,
+) -> PoseSequence:
     """Keypoints of a clip, as with ``pose.rate``."""
     with open_video(video) as frames:
-        people = extract_poses(at_rate(pictures(frames), rate), backend, follow=follow, source=str(video))
+        people = extract_poses(
+            at_rate(pictures(frames), rate), backend, follow=follow, hands=hands, source=str(video)
+        )
     return people[0]
 
 
@@ -71,14 +80,18 @@ def main() -> int:
         action=BooleanOptionalAction,
         help="crop to the person; None: as the network's contract says",
     )
+    parser.add_argument("--hands", action="store_true", help="find hands, too")
+    parser.add_argument("--gestures", nargs="*", default=[], help="these alone")
     parser.add_argument("--height", type=int, help="of the input, for networks that take any size")
     parser.add_argument("--threads", type=int, default=1)
     given = parser.parse_args()
     given.cache.mkdir(parents=True, exist_ok=True)
-    backend = open_backend(
-        load_settings("modern", pose__model=given.model, pose__height=given.height), given.threads
+    settings = load_settings(
+        "hands" if given.hands else "modern", pose__model=given.model, pose__height=given.height
     )
+    backend = open_backend(settings, given.threads)
     items = body_gesture(given.shared)
+    items = [item for item in items if item.label in (given.gestures or [item.label])]
     # Clips of all gestures and subjects come early, so that a part of the set is a fair sample.
     order = sorted(items, key=lambda item: (items.index(item) * 97) % len(items))
     frames, started = 0, time.perf_counter()
@@ -87,7 +100,8 @@ def main() -> int:
         if path.is_file():
             continue
         try:
-            pose = extract(video_of(item, given.shared), backend, given.rate, given.follow)
+            hands = open_hands(settings, backend.skeleton, given.threads)
+            pose = extract(video_of(item, given.shared), backend, given.rate, given.follow, hands)
         except GestureError as error:
             print(f"{item.name}: {error}", file=sys.stderr)
             continue

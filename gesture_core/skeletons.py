@@ -58,6 +58,11 @@ class Skeleton:
         return "neck" in self.joints or "neck" in self.derived
 
     @property
+    def has_hands(self) -> bool:
+        """Whether the wrist of a hand, the hand's origin, is there."""
+        return any(f"{side}_hand_wrist" in self.joints for side in ("left", "right"))
+
+    @property
     def mirror(self) -> tuple[int, ...]:
         """For each joint, the index of the joint on the other side of the body."""
         places = {name: index for index, name in enumerate(self.joints)}
@@ -137,6 +142,11 @@ def group_of(joint: str) -> str:
     if part in _OWN_HAND and joint != part:
         return f"{joint.removesuffix(part)}hand"
     return "face" if joint in _FACE_POINTS or joint.startswith("face_") else "body"
+
+
+def is_fine(joint: str) -> bool:
+    """Whether a joint is one of the 21 of a hand, or of the many of a face."""
+    return joint in _HANDS or (group_of(joint) == "face" and joint not in BLAZEPOSE33.joints)
 
 
 def _face(count: int) -> tuple[str, ...]:
@@ -356,6 +366,8 @@ HALPE136 = _whole("halpe136", HALPE26, *_face(68), *_HANDS)
 # OpenPose keeps its parts in lists of their own; files that join them have the face first or last.
 OPENPOSE137 = _whole("openpose137", BODY25, *_face(70), *_HANDS)
 OPENPOSE137_HANDS = _whole("openpose137-hands", BODY25, *_HANDS, *_face(70))
+OPENPOSE130 = _whole("openpose130", COCO18, *_face(70), *_HANDS)
+OPENPOSE127 = _whole("openpose127", MPI15, *_face(70), *_HANDS)
 MEDIAPIPE75 = _whole("mediapipe75", BLAZEPOSE33, *_HANDS)
 
 
@@ -376,8 +388,8 @@ SKELETONS: Mapping[str, Skeleton] = MappingProxyType(
         s.name: s
         for s in (
             COCO18, COCO17, BODY25, MPI15, BLAZEPOSE33, HALPE26, H36M17, KINECT20, KINECT25, KINECT32, SMPL22,
-            LEFT_HAND, RIGHT_HAND, HANDS42, COCO133, HALPE136, OPENPOSE137, OPENPOSE137_HANDS, MEDIAPIPE75,
-            MEDIAPIPE543, MEDIAPIPE543_FACE,
+            LEFT_HAND, RIGHT_HAND, HANDS42, COCO133, HALPE136, OPENPOSE137, OPENPOSE137_HANDS, OPENPOSE130,
+            OPENPOSE127, MEDIAPIPE75, MEDIAPIPE543, MEDIAPIPE543_FACE,
         )
     }
 )  # fmt: skip
@@ -389,6 +401,8 @@ _STAND_INS: tuple[tuple[str, tuple[str, str]], ...] = (
     ("right_hip", ("mid_hip", "mid_hip")),
     ("left_wrist", ("left_hand", "left_hand")),
     ("right_wrist", ("right_hand", "right_hand")),
+    ("left_wrist", ("left_hand_wrist", "left_hand_wrist")),
+    ("right_wrist", ("right_hand_wrist", "right_hand_wrist")),
 )
 
 
@@ -401,9 +415,10 @@ def skeleton_of(joints: Sequence[str]) -> Skeleton:
     for known in SKELETONS.values():
         if known.joints == names:
             return known
-    derived = {
-        joint: parents for joint, parents in _STAND_INS if joint not in names and set(parents) <= set(names)
-    }
+    derived: dict[str, tuple[str, str]] = {}
+    for joint, parents in _STAND_INS:
+        if joint not in names and set(parents) <= set(names):
+            derived.setdefault(joint, parents)
     limbs = tuple(limb for limb in (*_NECK_LIMBS, ("neck", "nose"), *_HEAD) if set(limb) <= set(names))
     return Skeleton("named", names, limbs, derived)
 

@@ -56,6 +56,16 @@ def shared_models() -> Path:
 @pytest.fixture(scope="session")
 def blazepose(tmp_path_factory: pytest.TempPathFactory) -> ModelFile:
     """BlazePose, fetched as a user would; skips with a reason where no index that pip asks is reached."""
+    return _fetched("blazepose", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def blazehand(tmp_path_factory: pytest.TempPathFactory) -> ModelFile:
+    """BlazeHand, likewise."""
+    return _fetched("blazehand", tmp_path_factory)
+
+
+def _fetched(name: str, tmp_path_factory: pytest.TempPathFactory) -> ModelFile:
     from gesture_core.errors import ModelError
     from gesture_core.pose.downloads import get_model
 
@@ -63,11 +73,11 @@ def blazepose(tmp_path_factory: pytest.TempPathFactory) -> ModelFile:
         patch.setenv("GESTURE_MODELS", str(tmp_path_factory.mktemp("fetched")))
         patch.delenv("GESTURE_OFFLINE", raising=False)
         try:
-            return get_model("blazepose")[0]
+            return get_model(name)[0]
         except ModelError as error:
             if error.code != "E_MODEL_URL":
                 raise
-            pytest.skip(f"the wheel of BlazePose cannot be fetched here: {error.cause}")
+            pytest.skip(f"the wheel of {name} cannot be fetched here: {error.cause}")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -211,8 +211,9 @@ def takes_parts(settings: Settings) -> bool:
 def parts(channels: Sequence[str]) -> dict[str, list[int]]:
     """Indices of the channels of each body part by its name, in the order of first appearance.
 
-    A part is named like its channels without side and axis: ``right_wrist_x.energy`` and
-    ``left_wrist_y.energy`` are ``wrist.energy``, ``acc/x[g].velocity`` is ``acc.velocity``.
+    A part is named like its channels without side, axis and member: ``right_wrist_x.energy`` and
+    ``left_wrist_y.energy`` are ``wrist.energy``, ``left_fingers/thumb_x`` is ``fingers``, and
+    ``acc/x[g].velocity`` is ``acc.velocity``.
     """
     places: dict[str, list[int]] = {}
     for index, channel in enumerate(channels):

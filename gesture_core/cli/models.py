@@ -86,6 +86,7 @@ def get(*names: Annotated[str, Parameter(required=True)], replace: Annotated[boo
     """
     from gesture_core.files import printable
     from gesture_core.pose.downloads import get_model
+    from gesture_core.skeletons import skeleton
 
     for name in names:
         with _bar() as on_bytes:
@@ -94,7 +95,8 @@ def get(*names: Annotated[str, Parameter(required=True)], replace: Annotated[boo
             facts = "  ".join(part for part in (*_facts(card), card.licence) if part)
             print(f"{card.name}: {printable(card.path)}\nsha256 {card.sha256}\n{facts}")
         if found[0].contract:
-            print(f"use it with: --model {name}")
+            people = skeleton(found[0].contract.skeleton).has_neck
+            print(f"use it with: {f'--model {name}' if people else '--preset hands'}")
     return 0
 
 

@@ -215,6 +215,16 @@ class DeviceKernel(Protocol):
 
 
 @runtime_checkable
+class WholeBody(Protocol):
+    """A normalizer that is given, and returns, more than the 18 joints of the body."""
+
+    @property
+    def skeleton(self) -> str:
+        """The skeleton of both, as `gesture_core.skeletons.skeleton` names it: ``coco18+hands``."""
+        ...
+
+
+@runtime_checkable
 class OrdersClasses(Protocol):
     """A classifier whose scores are too coarse, or too small, to order the classes by."""
 

@@ -28,6 +28,7 @@ from gesture_core.plugin.abilities import SearchKernel as SearchKernel
 from gesture_core.plugin.abilities import StreamStep as StreamStep
 from gesture_core.plugin.abilities import SubsequenceKernel as SubsequenceKernel
 from gesture_core.plugin.abilities import Traceable as Traceable
+from gesture_core.plugin.abilities import WholeBody as WholeBody
 from gesture_core.records import VideoInfo as VideoInfo
 from gesture_core.records import VideoLimits as VideoLimits
 from gesture_core.records import VideoReport as VideoReport

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import re
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 from gesture_core.errors import ConfigError
-from gesture_core.skeletons import SKELETONS, Skeleton, skeleton_of
+from gesture_core.skeletons import PARTS, SKELETONS, Skeleton, skeleton_of
 
 __all__ = ["Axes", "ReadOptions", "Unit"]
 
@@ -36,12 +39,15 @@ class ReadOptions:
         Of the picture that shares are of, in pixels, as 1920x1080; only the ratio of the two changes a
         gesture. 640x480 where it is left open.
     order : tuple of str
-        The joints in the order of the file: the name of a known skeleton, or the name of each joint. By the
-        number of joints where it is empty.
+        The joints in the order of the file: the name of a known skeleton, the name of each joint, or a TOML
+        file that has them (`order_of_file`). By the number of joints where it is empty.
     fps : None or float
         Frames per second of files without times; 30 where it is left open.
     depth : bool
         Keep the third coordinate; a file without one is refused. Of the networks `blazepose` gives one.
+    parts : tuple of str
+        What is kept of a person beside the body: ``body``, ``hands``, ``face``. Hands are then looked for in
+        videos, too; a face is in keypoint files alone.
 
     Examples
     --------
@@ -56,6 +62,7 @@ class ReadOptions:
     order: tuple[str, ...] = ()
     fps: float | None = None
     depth: bool = False
+    parts: tuple[str, ...] = ("body",)
 
     def __post_init__(self) -> None:
         for name, known in _CHOICES.items():
@@ -69,7 +76,15 @@ class ReadOptions:
             if len(sides) != 2 or not whole:
                 raise _refused("frame_size", self.frame_size, "width and height in pixels, as 1920x1080")
             object.__setattr__(self, "frame_size", sides)
-        object.__setattr__(self, "order", tuple(self.order))
+        order = tuple(self.order)
+        if len(order) == 1 and order[0].lower().endswith(".toml"):
+            order = order_of_file(Path(order[0]))
+        object.__setattr__(self, "order", order)
+        object.__setattr__(self, "parts", tuple(self.parts))
+        if not {"body"} <= {*self.parts} <= {*PARTS}:
+            raise _refused(
+                "parts", ",".join(self.parts), f"body, and what else is wanted of {', '.join(PARTS)}"
+            )
         if self.order:
             _ = self.skeleton
 
@@ -85,6 +100,11 @@ class ReadOptions:
         return width, height
 
     @property
+    def whole(self) -> bool:
+        """Whether more than the body is wanted."""
+        return len(set(self.parts)) > 1
+
+    @property
     def skeleton(self) -> Skeleton | None:
         """The joints of ``order``; None where it is empty."""
         if not self.order:
@@ -96,11 +116,15 @@ class ReadOptions:
             return SKELETONS[self.order[0]]
         from gesture_core.joint_names import joint_named
 
-        names = [joint_named(name) or name for name in self.order]
+        stated = [name for name in self.order if "=" not in name]
+        names = [joint_named(name) or name for name in stated]
         if twice := [name for name in names if names.count(name) > 1]:
             raise _refused("order", ",".join(self.order), f"each joint once; {twice[0]} is there twice")
         found = skeleton_of(names)
-        if not found.has_neck:
+        own = [name.replace("+", "=").split("=") for name in self.order if "=" in name]
+        if own:
+            found = replace(found, derived={**found.derived, **{name: (one, two) for name, one, two in own}})
+        if not (found.has_neck or (self.whole and found.has_hands)):
             raise _refused("order", ",".join(self.order), "neck, or both shoulders, among the joints")
         return found
 
@@ -125,6 +149,39 @@ class ReadOptions:
             "fps": f"{fps:g}" if self.fps is None and not math.isnan(fps) else "",
         }
         return ", ".join(f"{name}={value}" for name, value in said.items() if value)
+
+
+def order_of_file(path: Path) -> tuple[str, ...]:
+    """A skeleton in a TOML file, as ``keypoints.order``.
+
+    ``joints`` are the names in the order of the file; a table ``names`` may say which of ours they are
+    (``Handgelenk_L = "left_wrist"``), and a table ``derived`` which of ours lie in the middle between two
+    (``neck = ["left_shoulder", "right_shoulder"]``): these follow as ``neck=left_shoulder+right_shoulder``.
+
+    Raises
+    ------
+    ConfigError
+        `E_OPTION` where it cannot be read, or is of another form.
+    """
+    try:
+        tree = tomllib.loads(path.expanduser().read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise _refused("order", str(path), f"a TOML file that can be read: {error}") from None
+    joints, names, derived = tree.get("joints"), tree.get("names", {}), tree.get("derived", {})
+    tables = isinstance(names, dict) and isinstance(derived, dict)
+    pairs = list(derived.values()) if tables else []
+    words = [joints, *pairs, list(names.values()) if tables else None]
+    plain = all(isinstance(one, list) and all(isinstance(word, str) for word in one) for one in words)
+    if not plain or not joints or {*tree} - {"joints", "names", "derived"}:
+        raise _refused("order", str(path), "joints = [names], and perhaps tables [names] and [derived]")
+    order = [names.get(joint, joint) for joint in joints]
+    if lost := sorted({*names} - {*joints}) + [
+        parent for pair in pairs for parent in pair if len(pair) != 2 or parent not in order
+    ]:
+        raise _refused("order", str(path), f"{lost[0]!r} among its joints, two of which derive another")
+    if odd := next((joint for joint in [*order, *derived] if not re.fullmatch(r"[\w .-]+", joint)), None):
+        raise _refused("order", str(path), f"letters and digits in {odd!r}")
+    return (*order, *(f"{name}={one}+{two}" for name, (one, two) in derived.items()))
 
 
 def _refused(name: str, value: object, wanted: str) -> ConfigError:

@@ -14,10 +14,15 @@ from typing import Any
 from gesture_core.errors import ModelError
 from gesture_core.skeletons import SKELETONS
 
-LAYOUTS = ("openpose", "movenet", "simcc", "yolo-pose", "blazepose")
+LAYOUTS = ("openpose", "movenet", "simcc", "yolo-pose", "blazepose", "blazehand")
 """Forms of output that there are decoders for (`gesture_core.pose.decode`)."""
 
-_JOINTS = {"movenet": "coco17", "yolo-pose": "coco17", "blazepose": "blazepose33"}
+_JOINTS = {
+    "movenet": "coco17",
+    "yolo-pose": "coco17",
+    "blazepose": "blazepose33",
+    "blazehand": "right_hand21",
+}
 """Skeletons of layouts that have only one."""
 BLAZEPOSE = 39 * 5
 """Values of BlazePose's landmarks: 33 of the body and 6 more, each x, y, z, visibility and presence."""

@@ -65,7 +65,18 @@ def decode(
         raise _cannot_tell_apart(f"{contract.layout} finds one person in a picture")
     if contract.layout == "blazepose":
         return _blazepose(arrays, input_size)
+    if contract.layout == "blazehand":
+        return _blazehand(arrays)
     return _movenet(arrays[0], input_size) if contract.layout == "movenet" else _simcc(arrays, input_size)
+
+
+def _blazehand(outputs: list[np.ndarray]) -> list[list[Person]]:
+    """21 times x, y, z in pixels, presence, handedness, and the landmarks in metres (Zhang et al. 2020)."""
+    hand, presence = outputs[0].reshape(-1, 3), float(np.clip(outputs[1].reshape(-1)[0], 0, 1))
+    points = hand[:, :2] - 0.5
+    return [
+        [Person(points.astype(np.float32), np.full(len(points), presence, np.float32), presence=presence)]
+    ]
 
 
 def _openpose(

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gesture_core.plugin.interfaces import Person, PoseBackend
 from gesture_core.pose.extract import follower_of, is_steady
 from gesture_core.pose.temporal import JointChoice
-from gesture_core.skeletons import skeleton
+from gesture_core.skeletons import skeleton, with_parts
 from gesture_core.types import PoseSequence
+
+if TYPE_CHECKING:
+    from gesture_core.pose.hands import HandFinder
 
 MEMORY = 0.7
 """Seconds of frames together with which the limbs of the newest one are chosen."""
@@ -22,7 +26,7 @@ class LivePose:
     Parameters
     ----------
     backend : PoseBackend
-    follow, steady : bool, optional
+    follow, steady, hands : optional
         As in `extract_poses`.
     source : str
         What to call the input.
@@ -34,9 +38,11 @@ class LivePose:
         *,
         follow: bool | None = None,
         steady: bool | None = None,
+        hands: HandFinder | None = None,
         source: str = "",
     ) -> None:
-        self._backend, self._source = backend, source
+        self._backend, self._hands, self._source = backend, hands, source
+        self._skeleton = with_parts(backend.skeleton, ("hands",)).name if hands else backend.skeleton
         self._body = skeleton(backend.skeleton)
         self._follower = follower_of(backend, follow)
         steady = is_steady(backend) if steady is None else steady
@@ -58,7 +64,13 @@ class LivePose:
             points, scores = chosen[-1], sure[-1]
         size = (frame.shape[1], frame.shape[0])
         at, depth = np.array([time]), None if person is None or person.depth is None else person.depth[None]
-        name = self._backend.skeleton
+        if self._hands:
+            both = self._hands.find(frame, person)
+            points = np.concatenate([points, both.keypoints])
+            scores = np.concatenate([scores, both.scores])
+            if depth is not None:
+                depth = np.concatenate([depth, np.full((1, len(both.scores)), np.nan)], axis=1)
+        name = self._skeleton
         return PoseSequence(points[None], scores[None], at, name, size, 0, self._source, depth=depth)
 
     def _find(self, time: float, frame: np.ndarray) -> Person | None:

@@ -181,7 +181,8 @@ def read_card(name: str) -> ModelFile:
             raise ValueError(f"file name {file!r}")
         if (folder / file).is_symlink():
             raise ValueError(f"{file} is a link")
-        found = ModelContract.from_table(contract, name) if contract else None
+        known = known_by_hash(sha256)  # of whose contract an earlier version may have known nothing
+        found = ModelContract.from_table(contract, name) if contract else known.contract if known else None
         notes = str(table.get("licence", "")), str(table.get("origin", ""))
         return ModelFile(folder / file, sha256, name, found, *notes)
     except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -25,6 +25,7 @@ from gesture_core.files import models_dir, open_regular
 from gesture_core.plugin.abilities import DeviceChoice
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.pose.contract import ModelContract
+from gesture_core.skeletons import skeleton
 
 if TYPE_CHECKING:
     from gesture_core.settings import Settings
@@ -313,6 +314,12 @@ def choose_pose(settings: Settings) -> Settings:
 def _resolved(settings: Settings, name: str) -> PoseSettings:
     """[pose] with a network, the backend that reads it, and what that runs on."""
     pose, model = settings.pose, find_model(name)
+    if model.contract and not skeleton(model.contract.skeleton).has_neck:
+        raise ModelError(
+            f"the network {name!r} finds hands, not people",
+            remedy="--set keypoints.parts=body,hands with a network that finds people",
+            code="E_MODEL_LAYOUT",
+        )
     backend = backend_name(model) if pose.backend == "auto" else pose.backend
     reads = registry().find("pose", backend).suffixes
     if pose.model == "auto" and reads and model.path.suffix.lower() not in reads:

@@ -193,13 +193,12 @@ class NetworkBackend(ABC):
             )
         self.follow, self.crop = self.contract.follow, self.contract.crop
         self.steady = self.contract.steady if steady is None else steady
-        self.region = (
-            (self.contract.input_size or (256, 256))[0] if self.contract.layout == "blazepose" else 0
-        )
+        regional = self.contract.layout in ("blazepose", "blazehand")
+        self.region = (self.contract.input_size or (256, 256))[0] if regional else 0
         self.score = self.contract.score if score is None else score
         self.batch_size = self.contract.batch or batch_size
         self.skeleton = self.contract.skeleton
-        self._anatomy = Anatomy(skeleton(self.skeleton))
+        self._anatomy = Anatomy(skeleton(self.skeleton)) if self.contract.presence else None
         free = height or self.contract.default_size
         self.provenance = {
             "backend": self.name,
@@ -304,7 +303,7 @@ class NetworkBackend(ABC):
         region = None if person.region is None else box.back(person.region)
         depth = None if person.depth is None else person.depth / np.float32(box.scale_x)
         person = replace(person, keypoints=places, scores=sure, peaks=peaks, region=region, depth=depth)
-        if self.contract.presence:
+        if self._anatomy:
             facts = 1, self._anatomy.confidence(person), float((sure > 0).mean())
             logit = float(np.dot(self.contract.presence, facts))
             person = replace(person, presence=1 / (1 + math.exp(-logit)))

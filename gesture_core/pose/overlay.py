@@ -11,7 +11,7 @@ import numpy as np
 from gesture_core import colours
 from gesture_core.errors import MediaError
 from gesture_core.files import replacing
-from gesture_core.skeletons import Skeleton, skeleton
+from gesture_core.skeletons import Skeleton, is_fine, skeleton
 from gesture_core.types import PoseSequence
 from gesture_core.video.writer import room_around
 
@@ -52,14 +52,20 @@ def draw_pose(frame: np.ndarray, keypoints: np.ndarray, bones: Skeleton) -> None
     extent = float(np.ptp(keypoints[seen], axis=0).max())
     thick = int(np.clip(round(extent / 60), 1, 8))
     spots = np.rint(np.nan_to_num(keypoints)).astype(int)
+    thin = max(1, thick // 2)
     for first, second in bones.limbs:
         a, b = bones.index(first), bones.index(second)
         if seen[a] and seen[b]:
             start, end = tuple(spots[a].tolist()), tuple(spots[b].tolist())
+            if is_fine(second):  # as close together as the lines of a body are wide
+                cv2.line(frame, start, end, side_colour(second), thin, cv2.LINE_AA)
+                continue
             cv2.line(frame, start, end, (0, 0, 0), thick + 2, cv2.LINE_AA)
             cv2.line(frame, start, end, side_colour(second), thick, cv2.LINE_AA)
     for joint, spot, there in zip(bones.joints, spots.tolist(), seen, strict=True):
-        if there:
+        if there and is_fine(joint):
+            cv2.circle(frame, tuple(spot), thin, side_colour(joint), -1, cv2.LINE_AA)
+        elif there:
             cv2.circle(frame, tuple(spot), thick + 1, (0, 0, 0), -1, cv2.LINE_AA)
             cv2.circle(frame, tuple(spot), thick, side_colour(joint), -1, cv2.LINE_AA)
 

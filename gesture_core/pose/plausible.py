@@ -8,7 +8,7 @@ import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.signals.repair import placeholders
-from gesture_core.skeletons import COCO18, SKELETONS
+from gesture_core.skeletons import COCO18, SKELETONS, skeleton
 from gesture_core.types import PoseSequence
 
 # 1,150 real sequences of four networks and two depth cameras: arms of 0.6 to 2.3 torsos, a median step of at
@@ -57,10 +57,8 @@ def check_plausible(pose: PoseSequence, *, axes_stated: bool = False) -> list[st
     notes = _one_person(pose, points, extent)
     order = ""
     if "order" in assumed:
-        alike = [s.name for s in SKELETONS.values() if s.name != pose.skeleton]
-        alike = [
-            name for name in alike if len(SKELETONS[name].joints) == len(SKELETONS[pose.skeleton].joints)
-        ]
+        joints = len(skeleton(pose.skeleton).joints)
+        alike = [s.name for s in SKELETONS.values() if s.name != pose.skeleton and len(s.joints) == joints]
         order = f"--set keypoints.order={'|'.join([*alike, 'NAME,NAME,…'])}"
     hips = _middle(points[:, COCO18.index("left_hip")], points[:, COCO18.index("right_hip")])
     neck = points[:, COCO18.index("neck")]

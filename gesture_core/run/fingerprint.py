@@ -71,6 +71,10 @@ def _video_identity(settings: Settings) -> dict[str, Any]:
     model: dict[str, Any] = {"sha256": found.sha256, "contract": contract.as_table() if contract else None}
     if contract and contract.layout == "blazepose":
         model["finder"] = find_model(FINDER).sha256
+    if "hands" in settings.keypoints.parts:
+        from gesture_core.pose.hands import MODEL
+
+        model["hands"] = find_model(MODEL).sha256
     reader = reader_name(settings.pose.reader, settings.options)
     return {
         "package": gesture_core.__version__,

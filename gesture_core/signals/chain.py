@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gesture_core.errors import GestureError, InputError, PluginError, PoseError, SignalError
+from gesture_core.errors import ConfigError, GestureError, InputError, PluginError, PoseError, SignalError
+from gesture_core.plugin.abilities import WholeBody
 from gesture_core.plugin.registry import calling, name_of, registry
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
 from gesture_core.signals.repair import repaired
-from gesture_core.skeletons import COCO18
+from gesture_core.skeletons import COCO18, skeleton
 from gesture_core.types import PoseSequence, Recording, Signals
 
 if TYPE_CHECKING:
     from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
     from gesture_core.settings import Settings
 
-CHANNELS = tuple(f"{name}_{axis}" for name in COCO18.joints for axis in "xy")
-CHANNELS_3D = tuple(f"{name}_{axis}" for name in COCO18.joints for axis in "xyz")
+
+@cache
+def channels_of(name: str, axes: str = "xy") -> tuple[str, ...]:
+    """Those of each joint of a skeleton."""
+    return tuple(f"{joint}_{axis}" for joint in skeleton(name).joints for axis in axes)
+
+
+CHANNELS = channels_of(COCO18.name)
+CHANNELS_3D = channels_of(COCO18.name, "xyz")
 
 
 @dataclass(frozen=True)
@@ -77,8 +86,15 @@ class Chain:
         def make(kind: str, name: str) -> Any:
             return registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
 
+        normalizer = make("normalizer", chosen.normalizer) if chosen.input == "keypoints" else None
+        if isinstance(normalizer, WholeBody) and not settings.keypoints.whole:
+            raise ConfigError(
+                f"signals.normalizer = {chosen.normalizer!r} takes more than the body",
+                remedy="--set keypoints.parts=body,hands",
+                code="E_OPTION",
+            )
         return cls(
-            make("normalizer", chosen.normalizer) if chosen.input == "keypoints" else None,
+            normalizer,
             tuple(make("filter", name) for name in chosen.filters),
             make("selector", chosen.selector),
             rule,
@@ -86,6 +102,11 @@ class Chain:
             chosen.repair,
             settings.keypoints.rate,
         )
+
+    @property
+    def skeleton(self) -> str:
+        """What the normalizer is given: the canonical body, or the whole one that it asks for."""
+        return self.normalizer.skeleton if isinstance(self.normalizer, WholeBody) else COCO18.name
 
     def __call__(self, pose: PoseSequence | Recording) -> Signals:
         """The signals of one person, or of one recording.
@@ -132,10 +153,13 @@ class Chain:
             if self.normalizer is None and isinstance(pose, Recording):
                 return _dense(pose, self.gaps)
             raise _other_kind(pose)
+        name = self.skeleton
+        if name != COCO18.name:  # joints that are not compared need no repair
+            pose = pose.onto(name)
         plane = pose.keypoints.shape[2] == 2
         pose, frames = repaired(pose) if self.repair and plane else (pose, 0)
         share = frames / max(len(pose), 1)
-        pose = require_pose(pose.as_coco18(), self.gaps)
+        pose = require_pose(pose.onto(name), self.gaps)
         joints, _ = fill_gaps(pose.keypoints, pose.times, self.gaps)
         # Scores of interpolated joints stay zero, so that later steps know them from seen ones.
         dense = replace(pose, keypoints=joints, scores=pose.scores)
@@ -157,7 +181,7 @@ class Chain:
         return Signals(
             points.reshape(len(pose), -1),
             pose.times,
-            CHANNELS if points.shape[2] == 2 else CHANNELS_3D,
+            channels_of(name, "xyz"[: points.shape[2]]),
             present=np.repeat(present, points.shape[2]),
             source=pose.source,
             repaired=share,

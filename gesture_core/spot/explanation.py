@@ -85,11 +85,12 @@ class EventExplainer:
 
     def _signals(self, event: Event, pose: PoseSequence) -> Signals:
         """Those of the part of a recording in which the event is; the latest are kept for the next event."""
-        for one in spans(pose.as_coco18(), self._settings.spot.gap):
+        chain = stream_chain(self._settings)
+        for one in spans(pose.onto(chain.skeleton), self._settings.spot.gap):
             if one.times[0] <= event.end <= one.times[-1] + 1e-6:
                 start = float(one.times[0])
                 if self._latest is None or self._latest[0] is not pose or self._latest[1] != start:
-                    self._latest = pose, start, stream_chain(self._settings)(one)
+                    self._latest = pose, start, chain(one)
                 return self._latest[2]
         raise InputError("the person is not there at that time", subject=event.input, code="E_NO_COMMON")
 

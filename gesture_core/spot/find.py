@@ -96,7 +96,7 @@ class Query:
         """
         found: list[Candidate] = []
         failed: list[GestureError] = []
-        parts = list(spans(pose.as_coco18(), self._settings.spot.gap))
+        parts = list(spans(pose.onto(self._chain.skeleton), self._settings.spot.gap))
         for span in parts:
             try:
                 signals = self._chain(span)

@@ -9,6 +9,7 @@ import numpy as np
 
 from gesture_core.errors import GestureError
 from gesture_core.signals.chain import Chain
+from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence, Signals
 
 WINDOW = 4.0
@@ -45,14 +46,16 @@ class LiveSignals:
 
     def clear(self) -> None:
         """Begin a new stream."""
-        empty = np.empty((0, 18, 2))
-        self.pose = PoseSequence(empty, empty[..., 0], np.empty(0))
+        name = self._chain.skeleton
+        empty = np.empty((0, len(skeleton(name).joints), 2))
+        self.pose = PoseSequence(empty, empty[..., 0], np.empty(0), name)
         self._done = -np.inf
         self._present: np.ndarray | None = None
         self._last: np.ndarray | None = None
 
     def push(self, pose: PoseSequence) -> Iterator[Signals | None]:
         """New signals after each frame of ``pose`` that brings any; None where the person was lost."""
+        pose = pose.onto(self._chain.skeleton)
         for place in range(len(pose)):
             one = slice(place, place + 1)
             now, seen = float(pose.times[place]), bool(pose.seen[place].any())

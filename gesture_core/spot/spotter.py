@@ -169,7 +169,7 @@ class Spotter:
         chain, chosen = stream_chain(self._settings), self._settings.spot
         found: list[Candidate] = []
         failed: list[tuple[PoseSequence, GestureError]] = []
-        parts = list(spans(pose.as_coco18(), chosen.gap))
+        parts = list(spans(pose.onto(chain.skeleton), chosen.gap))
         for span in parts:
             try:
                 signals = chain(span)
@@ -232,7 +232,7 @@ class Spotter:
         patience = LIVE_PATIENCE if patience is None else patience
         found: list[Candidate] = []
         recent = self._live
-        for part in self._live.push(pose.as_coco18()):
+        for part in self._live.push(pose):
             if part is None:  # the person was lost
                 found += self._going.finish() if self._going else []
                 self._going = None

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from gesture_core.demo.figure import GESTURES, Style, joints, random_body
 from gesture_core.errors import SignalError
-from gesture_core.plugin.interfaces import Filter, NeedsDepth, Normalizer, Selector
-from gesture_core.signals.chain import CHANNELS
+from gesture_core.plugin.interfaces import Filter, NeedsDepth, Normalizer, Selector, WholeBody
+from gesture_core.signals.chain import CHANNELS, channels_of
 from gesture_core.signals.mirror import mirrored
-from gesture_core.skeletons import COCO18
+from gesture_core.skeletons import COCO18, HANDS42, group_of, skeleton
 from gesture_core.testing.answers import ask, ask_or_refuse, check_memory
 from gesture_core.types import PoseSequence, Signals
 
 _SIZE = (640, 480)
 _RATE = 20.0
+_WHOLE = channels_of("coco18+hands+face")
 
 
 def draw_pose(seed: int = 0, gesture: str = "wave", frames: int = 40) -> PoseSequence:
@@ -27,17 +28,43 @@ def draw_pose(seed: int = 0, gesture: str = "wave", frames: int = 40) -> PoseSeq
     return _pose(points)
 
 
-def draw_signals(seed: int = 0, frames: int = 40) -> Signals:
+def draw_signals(seed: int = 0, frames: int = 40, channels: Sequence[str] = CHANNELS) -> Signals:
     """Random walks of all joints in body units, every channel salient and present, times not quite even."""
     rng = np.random.default_rng(seed)
-    walks = np.cumsum(rng.normal(scale=0.1, size=(frames, len(CHANNELS))), axis=0)
+    walks = np.cumsum(rng.normal(scale=0.1, size=(frames, len(channels))), axis=0)
     times = (np.arange(frames) + rng.uniform(0, 0.2, frames)) / _RATE
-    return Signals(walks + rng.normal(size=len(CHANNELS)), times, CHANNELS, source="drawn")
+    return Signals(walks + rng.normal(size=len(channels)), times, tuple(channels), source="drawn")
 
 
-def _pose(points: np.ndarray) -> PoseSequence:
-    scores = np.ones(points.shape[:2])
-    return PoseSequence(points, scores, np.arange(len(points)) / _RATE, frame_size=_SIZE, source="drawn")
+def _pose(points: np.ndarray, name: str = COCO18.name) -> PoseSequence:
+    scores, times = np.ones(points.shape[:2]), np.arange(len(points)) / _RATE
+    return PoseSequence(points, scores, times, name, frame_size=_SIZE, source="drawn")
+
+
+def draw_whole(name: str, seed: int = 0, gesture: str = "wave", frames: int = 40) -> PoseSequence:
+    """`draw_pose` in the skeleton ``name``: hands hang on the wrists, their fingers spread and closing."""
+    body = draw_pose(seed, gesture, frames)
+    if name == COCO18.name:
+        return body
+    pose, rng = body.onto(name), np.random.default_rng(seed)
+    points, at = pose.keypoints.copy(), {joint: n for n, joint in enumerate(skeleton(name).joints)}
+    closing = 1 - 0.4 * np.sin(np.arange(frames) / 6)[:, None] ** 2
+    for joint, place in at.items():
+        side = joint.partition("_")[0]
+        if joint in HANDS42.joints:
+            number = HANDS42.joints.index(joint) % 21
+            finger, knuckle = divmod(number - 1, 4)
+            way = np.array([finger - 2.0, -3.0 - knuckle]) * (rng.uniform(2, 3) if number else 0)
+            turn = np.array([1 if side == "left" else -1, 1])
+            points[:, place] = points[:, at[f"{side}_wrist"]] + way * turn * closing
+        elif group_of(joint) == "face":
+            eye = points[:, at[f"{side}_eye" if side in ("left", "right") else "nose"]]
+            points[:, place] = eye + rng.uniform(-4, 4, 2) * closing
+    return _pose(points, name)
+
+
+def _skeleton_of(normalizer: Normalizer) -> str:
+    return normalizer.skeleton if isinstance(normalizer, WholeBody) else COCO18.name
 
 
 def _with_gaps(pose: PoseSequence) -> PoseSequence:
@@ -46,21 +73,21 @@ def _with_gaps(pose: PoseSequence) -> PoseSequence:
     points[:, COCO18.index("left_ear")] = np.nan
     points[3:6, COCO18.index("right_wrist")] = np.nan
     points[20] = np.nan
-    return _pose(points)
+    return _pose(points, pose.skeleton)
 
 
 def check_normalizer_shape(normalizer: Normalizer) -> None:
-    """(T, 18, 2) real coordinates, finite where the body is seen well."""
+    """(T, 18, 2) real coordinates, or as many joints as it asks for, finite where the body is seen well."""
     name = type(normalizer).__name__
     assert isinstance(normalizer, Normalizer), f"{name} has no method normalize"
-    points = _coordinates(normalizer, draw_pose())
+    points = _coordinates(normalizer, draw_whole(_skeleton_of(normalizer)))
     assert points.dtype.kind == "f", f"{name}.normalize returns an array of {points.dtype}, expected floats"
     assert np.isfinite(points).mean() > 0.5, f"{name}.normalize finds no place for joints that are all seen"
 
 
 def check_normalizer_missing(normalizer: Normalizer) -> None:
     """NaN stays NaN, and what is not known is NaN, never infinite."""
-    name, pose = type(normalizer).__name__, _with_gaps(draw_pose())
+    name, pose = type(normalizer).__name__, _with_gaps(draw_whole(_skeleton_of(normalizer)))
     points = _coordinates(normalizer, pose)
     assert not np.isinf(points).any(), f"{name}.normalize returns infinity; what is not known is NaN"
     assert np.isnan(points[~pose.seen]).all(), (
@@ -71,8 +98,8 @@ def check_normalizer_missing(normalizer: Normalizer) -> None:
 
 def check_normalizer_units(normalizer: Normalizer) -> None:
     """Body units: where the person stands and how large they are in the picture changes nothing."""
-    pose = draw_pose()
-    nearer = _pose(pose.keypoints * 1.7 + np.array([90, 30]))
+    pose = draw_whole(_skeleton_of(normalizer))
+    nearer = _pose(pose.keypoints * 1.7 + np.array([90, 30]), pose.skeleton)
     assert _near(_coordinates(normalizer, pose), _coordinates(normalizer, nearer)), (
         f"{type(normalizer).__name__}.normalize gives other coordinates where the same person stands nearer "
         "to the camera and to the side; they are in the body's units and seen from the body's origin"
@@ -81,8 +108,9 @@ def check_normalizer_units(normalizer: Normalizer) -> None:
 
 def check_normalizer_mirror(normalizer: Normalizer) -> None:
     """The origin is on the body's middle line, so that a mirrored person has mirrored coordinates."""
-    pose, order = draw_pose(1, "swipe"), list(COCO18.mirror)
-    turned = _pose((pose.keypoints * (-1, 1) + (_SIZE[0], 0))[:, order])
+    pose = draw_whole(_skeleton_of(normalizer), 1, "swipe")
+    order = list(skeleton(pose.skeleton).mirror)
+    turned = _pose((pose.keypoints * (-1, 1) + (_SIZE[0], 0))[:, order], pose.skeleton)
     wanted = _coordinates(normalizer, pose)[:, order]
     wanted = wanted * (-1, 1, 1)[: wanted.shape[2]]
     assert _near(_coordinates(normalizer, turned), wanted), (
@@ -93,13 +121,16 @@ def check_normalizer_mirror(normalizer: Normalizer) -> None:
 
 def check_normalizer_memory(normalizer: Normalizer) -> None:
     """The same person gives the same bits, whatever came in between; what is passed in stays as it is."""
-    one, other = (_lifted(normalizer, pose) for pose in (draw_pose(), draw_pose(2, "flap", 25)))
+    name = _skeleton_of(normalizer)
+    drawn = draw_whole(name), draw_whole(name, 2, "flap", 25)
+    one, other = (_lifted(normalizer, pose) for pose in drawn)
     check_memory(normalizer.normalize, one, other)
 
 
 def check_normalizer_short(normalizer: Normalizer) -> None:
     """One frame, none, nobody, or a body without a size: coordinates or a GestureError, never infinity."""
-    name, points = type(normalizer).__name__, draw_pose().keypoints
+    name, whole = type(normalizer).__name__, draw_whole(_skeleton_of(normalizer))
+    points = whole.keypoints
     for what, odd in (
         ("one frame", points[:1]),
         ("no frame", points[:0]),
@@ -107,7 +138,7 @@ def check_normalizer_short(normalizer: Normalizer) -> None:
         ("all joints in one place", np.full_like(points, 100.0)),
     ):
         with np.errstate(all="ignore"):
-            odd_pose = _lifted(normalizer, _pose(odd))
+            odd_pose = _lifted(normalizer, _pose(odd, whole.skeleton))
             found = ask_or_refuse(what, normalizer.normalize, odd_pose)
         if found is not None:
             assert np.shape(found) == odd_pose.keypoints.shape, (
@@ -119,10 +150,13 @@ def check_normalizer_short(normalizer: Normalizer) -> None:
 def _coordinates(normalizer: Normalizer, pose: PoseSequence) -> np.ndarray:
     """What ``normalizer`` makes of ``pose``, of the right shape."""
     pose = _lifted(normalizer, pose)
-    name, wanted = type(normalizer).__name__, (len(pose), len(COCO18.joints), pose.keypoints.shape[2])
+    name, wanted = (
+        type(normalizer).__name__,
+        (len(pose), len(skeleton(pose.skeleton).joints), pose.keypoints.shape[2]),
+    )
     points = np.asarray(ask(normalizer.normalize, pose))
     assert points.shape == wanted, (
-        f"{name}.normalize returns the shape {points.shape}, expected (T, 18, {wanted[2]}): {wanted}"
+        f"{name}.normalize returns the shape {points.shape}, expected (T, J, {wanted[2]}): {wanted}"
     )
     return points
 
@@ -153,7 +187,7 @@ NORMALIZER_CHECKS: tuple[Callable[[Normalizer], None], ...] = (
 
 def check_filter_answer(step: Filter) -> None:
     """Signals with channel names of their own, the source as it was, times within those of the input."""
-    name, signals = type(step).__name__, draw_signals()
+    name, signals = type(step).__name__, draw_signals(channels=_WHOLE)
     assert isinstance(step, Filter), f"{name} has no method apply"
     found = _applied(step, signals)
     twice = {channel for channel in found.channels if found.channels.count(channel) > 1}
@@ -166,7 +200,7 @@ def check_filter_answer(step: Filter) -> None:
 
 def check_filter_masks(step: Filter) -> None:
     """A channel is salient, or present, where what it is made of is."""
-    name, signals = type(step).__name__, draw_signals()
+    name, signals = type(step).__name__, draw_signals(channels=_WHOLE)
     width = len(signals.channels)
     nothing, everything = np.zeros(width, bool), np.ones(width, bool)
     for given, field, wanted in (
@@ -201,7 +235,7 @@ def _flags(signals: Signals) -> dict[str, tuple[bool, bool]]:
 
 def check_filter_sides(step: Filter) -> None:
     """Names tell the side and the direction: the filtered mirror image is the mirrored result."""
-    name, signals = type(step).__name__, draw_signals(3)
+    name, signals = type(step).__name__, draw_signals(3, channels=_WHOLE)
     try:
         wanted = mirrored(_applied(step, signals))
     except SignalError:  # one side alone has no mirror image, and is refused where one is wanted
@@ -217,12 +251,12 @@ def check_filter_sides(step: Filter) -> None:
 
 def check_filter_memory(step: Filter) -> None:
     """The same signals give the same bits, whatever came in between; what is passed in stays as it is."""
-    check_memory(step.apply, draw_signals(), draw_signals(4, 25))
+    check_memory(step.apply, draw_signals(channels=_WHOLE), draw_signals(4, 25, _WHOLE))
 
 
 def check_filter_short(step: Filter) -> None:
     """One frame, equal times, no motion, or channels that it does not know: Signals or a GestureError."""
-    name, signals = type(step).__name__, draw_signals()
+    name, signals = type(step).__name__, draw_signals(channels=_WHOLE)
     for what, given in (
         ("one frame", replace(signals, values=signals.values[:1], times=signals.times[:1])),
         ("two frames", replace(signals, values=signals.values[:2], times=signals.times[:2])),

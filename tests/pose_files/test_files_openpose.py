@@ -266,7 +266,9 @@ def test_hands_are_noted_where_there_are_any(tmp_path: Path) -> None:
     for number, hand in enumerate(([], [0] * 63, [1, 2, 0.5] * 21)):
         one = {"pose_keypoints_2d": person(25, (0, 0)).reshape(-1).tolist(), "hand_left_keypoints_2d": hand}
         (tmp_path / frame_name("c", number)).write_text(json.dumps({"people": [one]}))
-    assert OpenPoseJsonReader().read(tmp_path)[0].provenance["notes"] == "hands and face are not used"
+    assert (
+        OpenPoseJsonReader().read(tmp_path)[0].provenance["notes"].startswith("hands and face are not used")
+    )
     (tmp_path / frame_name("c", 2)).unlink()
     assert "notes" not in OpenPoseJsonReader().read(tmp_path)[0].provenance
 

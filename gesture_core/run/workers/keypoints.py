@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import KeypointReader, PoseBackend, Video
+    from gesture_core.pose.hands import HandFinder
     from gesture_core.run.workers.worker import Worker
     from gesture_core.video.reader import Picture
 
@@ -175,7 +176,12 @@ class KeypointExtractor:
             entry = registry().find("pose", settings.pose.backend)
             with _journal(backend, video, stored) as asked, calling(entry, passing=(OSError,)):
                 sequences = extract_poses(
-                    frames, asked, settings.pose.people, follow=settings.pose.follow, source=str(path)
+                    frames,
+                    asked,
+                    settings.pose.people,
+                    follow=settings.pose.follow,
+                    hands=self.hands,
+                    source=str(path),
                 )
             report = video.report
         if settings.keypoints.depth:
@@ -255,6 +261,15 @@ class KeypointExtractor:
                 "reader", name, self._settings.plugin_options(name), **taken
             )
         return self._readers[name]
+
+    @cached_property
+    def hands(self) -> HandFinder | None:
+        """What finds hands, where the settings ask for them."""
+        if "hands" not in self._settings.keypoints.parts:
+            return None
+        from gesture_core.pose.hands import open_hands
+
+        return open_hands(self._settings, self.backend.skeleton, self._job.threads)
 
     @cached_property
     def backend(self) -> PoseBackend:

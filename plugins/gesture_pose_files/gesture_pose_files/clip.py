@@ -13,7 +13,7 @@ from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import Person, PoseSequence
 from gesture_pose_files.files import MAX_FRAMES
 from gesture_pose_files.json_people import Found
-from gesture_pose_files.layout import BY_COUNT, are_shares, sequence
+from gesture_pose_files.layout import are_shares, by_count, sequence
 from gesture_pose_files.people import tracks
 from gesture_pose_files.reader import with_lost
 from gesture_pose_files.scores import in_unit
@@ -115,7 +115,7 @@ class Clip:
                 reader=self.reader,
                 scores=scores,
                 numbers=numbers,
-                body=BY_COUNT[joints] if joints in self.said else None,
+                body=by_count(options)[joints] if joints in self.said else None,
                 axes="xy",
                 unit="shares" if shares else "pixels",
                 frame_size=size,

@@ -9,7 +9,7 @@ from gesture_core.errors import KeypointError
 from gesture_core.joint_names import joint_named, words_of
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import COCO18, Skeleton, skeleton_of
-from gesture_pose_files.layout import BY_COUNT
+from gesture_pose_files.layout import by_count
 
 _PARTS = {
     "x": "x", "y": "y", "z": "z", "score": "score", "scores": "score", "confidence": "score",
@@ -141,7 +141,7 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
     joint = next((single[role] for role in single if role in _JOINTS), None)
     body: Skeleton | None = None
     if len(named) > 1:
-        body, joints = _with_neck(skeleton_of(named), source), list[str | int](named)
+        body, joints = _with_neck(skeleton_of(named), options, source), list[str | int](named)
     elif len(numbers) >= _FEWEST_NUMBERED:  # fewer may be the corners of a box
         body, joints = _numbered(numbers, options, source), list[str | int](numbers)
     elif joint is not None and "" in pairs:
@@ -192,8 +192,8 @@ def _coordinate(words: list[str]) -> tuple[str | int, str] | None:
     return None
 
 
-def _with_neck(body: Skeleton, source: str) -> Skeleton:
-    if not body.has_neck:
+def _with_neck(body: Skeleton, options: ReadOptions, source: str) -> Skeleton:
+    if not (body.has_neck or (options.whole and body.has_hands)):
         raise KeypointError(
             f"names {len(body.joints)} joints, but neither a neck nor both shoulders: the body has no origin",
             subject=source,
@@ -206,7 +206,7 @@ def _with_neck(body: Skeleton, source: str) -> Skeleton:
 def _numbered(numbers: list[int], options: ReadOptions, source: str) -> Skeleton:
     count = len(numbers)
     whole = numbers[0] in (0, 1) and numbers[-1] - numbers[0] == count - 1
-    body = options.skeleton or BY_COUNT.get(count)
+    body = options.skeleton or by_count(options).get(count)
     if not whole or body is None or len(body.joints) != count:
         said = f", and keypoints.order names {len(body.joints)}" if body and options.order else ""
         raise KeypointError(
@@ -231,5 +231,5 @@ def body_of_rows(labels: Sequence[str], options: ReadOptions, source: str) -> tu
         raise KeypointError(
             f"its rows name no joints: {unknown[:200]}", subject=source, code="E_KEYPOINTS_SKELETON"
         )
-    body = _with_neck(skeleton_of(found), source)
+    body = _with_neck(skeleton_of(found), options, source)
     return body, {label: body.index(joint) for label, joint in joints.items() if joint}

@@ -17,13 +17,20 @@ import numpy as np
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import Person
+from gesture_pose_files.layout import NOT_USED
 from gesture_pose_files.whole_body import body_of, known_counts
 
 _LARGEST = 1e7
 _PEOPLE = ("people", "bodies", "instances", "instance_info", "predictions")
 _KEYPOINTS = ("pose_keypoints_2d", "pose_keypoints", "keypoints", "joints")
 SCORES = ("keypoint_scores", "keypoints_scores", "keypoint_score", "kp_score", "keypoints_visible")
-_HANDS = ("hand_left_keypoints_2d", "hand_right_keypoints_2d", "face_keypoints_2d")
+_REST: Mapping[str, int] = {
+    "face_keypoints_2d": 70,
+    "hand_left_keypoints_2d": 21,
+    "hand_right_keypoints_2d": 21,
+}
+"""OpenPose's further lists and how many joints they have, in the order in which they follow the body."""
+_BODIES = (15, 18, 25)
 _IDENTITIES = ("track_id", "idx", "person_id")
 
 
@@ -72,8 +79,11 @@ def people_in(frame: object, name: str, options: ReadOptions) -> Found:
         joints = _joints(person, number, name, options)
         if joints is None:
             continue
+        if options.whole and len(joints) in _BODIES and any(key in person for key in _REST):
+            joints = np.concatenate([joints, _rest(person, number, name)])
+        elif any(_seen(person.get(key)) for key in _REST):
+            notes.add(NOT_USED)
         counts[len(joints)] += 1
-        notes |= {"hands and face are not used"} if any(_seen(person.get(key)) for key in _HANDS) else set()
         missing = ~(joints[:, 2] > 0) | np.isnan(joints[:, :2]).any(axis=1)
         if not missing.all():
             points = np.where(missing[:, None], np.float32(np.nan), joints[:, :2])
@@ -139,6 +149,17 @@ def _joints(person: Mapping[str, Any], number: int, name: str, options: ReadOpti
     if width == 2:
         return np.column_stack([joints, np.ones(used, np.float32)])
     return joints
+
+
+def _rest(person: Mapping[str, Any], number: int, name: str) -> np.ndarray:
+    """(112, 3) of the face and both hands, zero where there are none."""
+    parts = []
+    for key, count in _REST.items():
+        held = person.get(key) or []
+        if not isinstance(held, list) or len(held) not in (0, 3 * count):
+            raise _refused(f"person {number} has other than {count} joints in {key}", name)
+        parts.append(_numbers(held or [0] * (3 * count), number, name).reshape(count, 3))
+    return np.concatenate(parts)
 
 
 def _numbers(values: Sequence[Any], number: int, name: str) -> np.ndarray:

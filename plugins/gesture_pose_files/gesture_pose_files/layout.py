@@ -15,10 +15,13 @@ from gesture_core.skeletons import (
     COCO17,
     COCO18,
     HALPE26,
+    HANDS42,
     MPI15,
     SKELETONS,
     Skeleton,
-    to_coco18,
+    group_of,
+    mapped,
+    with_parts,
 )
 from gesture_core.types import PoseSequence
 from gesture_pose_files.scores import in_unit
@@ -26,12 +29,29 @@ from gesture_pose_files.scores import in_unit
 BY_COUNT: Mapping[int, Skeleton] = {
     len(kind.joints): kind for kind in (MPI15, COCO17, COCO18, BODY25, HALPE26, BLAZEPOSE33)
 }
-# Width of a flat row -> (joints, values a joint); no two layouts share a width.
+WHOLE: Mapping[int, Skeleton] = {
+    **BY_COUNT,
+    **{
+        len(SKELETONS[name].joints): SKELETONS[name]
+        for name in ("right_hand21", "hands42", "mediapipe75", "coco133", "halpe136", "openpose137",
+                     "openpose130", "openpose127", "mediapipe543")
+    },
+}  # fmt: skip
+"""The same where hands or the face are wanted."""
+# Width of a flat row -> (joints, values a joint); no two layouts of bodies share a width.
 _VALUES = (2, 3, 4)
 _FLAT = {joints * values: (joints, values) for joints in BY_COUNT for values in _VALUES}
+_WHOLE_FLAT = {joints * values: (joints, values) for joints in WHOLE for values in _VALUES}
+NOT_USED = "hands and face are not used (--preset hands uses hands)"
+_NOT_USED = {
+    ("hands", "face"): NOT_USED,
+    ("hands",): "hands are not used (--preset hands uses them)",
+    ("face",): "the face is not used (keypoints.parts)",
+}
 _FORMS = "(T, J, 2|3|4) or (T, 2J|3J|4J) with J of 15, 17, 18, 25, 26 or 33"
 # Of shares of width and height: a joint lies at most this far outside the picture, and few lie left of it
 # or above it: none in half of MediaPipe's files, 3 % in the worst; 36 % or more where the neck is the origin.
+_HANDS_ALONE = ("left_hand21", "right_hand21", "hands42")
 _LARGEST_SHARE = 5.0
 _LARGEST_NEGATIVE = 0.2
 _PERCENT = 100.0
@@ -39,10 +59,15 @@ _PERCENT = 100.0
 _LONGEST_STEP = 1.0
 
 
+def by_count(options: ReadOptions) -> Mapping[int, Skeleton]:
+    """The layouts that are told by the number of their joints, of those that ``options`` want."""
+    return WHOLE if options.whole else BY_COUNT
+
+
 def fits(shape: tuple[int, ...], options: ReadOptions) -> bool:
     """Whether an array of ``shape`` may be a sequence of keypoints."""
     if len(shape) == 3:
-        joints = BY_COUNT if options.skeleton is None else {len(options.skeleton.joints)}
+        joints = by_count(options) if options.skeleton is None else {len(options.skeleton.joints)}
         return shape[1] in joints and shape[2] in _VALUES
     return len(shape) == 2 and shape[1] in flat_widths(options)
 
@@ -50,7 +75,7 @@ def fits(shape: tuple[int, ...], options: ReadOptions) -> bool:
 def flat_widths(options: ReadOptions) -> Mapping[int, tuple[int, int]]:
     """(joints, values a joint) by the width of a flat row."""
     if options.skeleton is None:
-        return _FLAT
+        return _WHOLE_FLAT if options.whole else _FLAT
     joints = len(options.skeleton.joints)
     return {joints * values: (joints, values) for values in _VALUES}
 
@@ -110,7 +135,7 @@ def sequence(
     array = _three_axes(array, options, body, source)
     if len(array) == 0:
         raise KeypointError("holds no frame", subject=source, code="E_KEYPOINTS_EMPTY")
-    joints = body or options.skeleton or BY_COUNT[array.shape[1]]
+    joints = body or options.skeleton or by_count(options)[array.shape[1]]
     with np.errstate(over="ignore"):
         values = np.asarray(array, np.float32)
     if np.isinf(values).any():
@@ -160,16 +185,27 @@ def sequence(
         frame_size=None if frame_size else size,
         fps=options.rate if "times" in provenance else math.nan,
     )
-    if notes:
-        provenance["notes"] = "; ".join(notes)
     if scores is None:
         scores = np.ones(points.shape[:2], np.float32)
     if depth is not None:
         points = np.concatenate([points, depth[..., None]], axis=2)
-    if joints.name not in SKELETONS:  # of the file's own choice; what lies beyond COCO-18 is not compared
-        points, scores = to_coco18(points, scores, joints)
-        joints = COCO18
+    if joints.name not in SKELETONS or joints.body:
+        # Of the file's own choice, or a whole body: what lies beyond the wanted parts is not compared.
+        target = with_parts(joints.body or COCO18.name, options.parts)
+        notes = [*notes, *_unused(joints, np.asarray(np.isfinite(points[..., 0]).any(axis=0)), options)]
+        points, scores = mapped(points, scores, joints, target)
+        joints = target
+    if notes:
+        provenance["notes"] = "; ".join(notes)
     return PoseSequence(points, scores, times, joints.name, frame_size, person, source, provenance)
+
+
+def _unused(joints: Skeleton, seen: np.ndarray, options: ReadOptions) -> list[str]:
+    """A clause about hands and a face that are there, (J,) bool, and not wanted."""
+    there = {joint for joint, one in zip(joints.joints, seen, strict=True) if one} - {*BLAZEPOSE33.joints}
+    kinds = {"hands" if joint in HANDS42.joints else group_of(joint) for joint in there} & {"hands", "face"}
+    unused = [kind for kind in ("hands", "face") if kind in kinds - {*options.parts}]
+    return [_NOT_USED[tuple(unused)]] if unused else []
 
 
 def _check_seconds(times: np.ndarray, source: str, remedy: str) -> None:
@@ -247,8 +283,19 @@ def _scores(values: np.ndarray, body: Skeleton, options: ReadOptions) -> np.ndar
         return None
     last = values[..., -1]
     low, high = (float(np.nanmin(last)), float(np.nanmax(last))) if not np.isnan(last).all() else (0.0, 0.0)
-    if body is BLAZEPOSE33 and values.shape[2] == 3 and not (low >= 0 and 0 < high <= 1):
+    landmarks = body is BLAZEPOSE33 or body.name.startswith("mediapipe") or body.name in _HANDS_ALONE
+    if landmarks and values.shape[2] == 3 and not (low >= 0 and 0 < high <= 1):
         return None  # x, y, z without visibility
+    # Of eyes and mouth a body has its own, unless there is a face.
+    own = () if body.body and body.group("face")[6:] else BLAZEPOSE33.joints
+    rest = [
+        n
+        for n, j in enumerate(body.joints)
+        if j in HANDS42.joints or (group_of(j) == "face" and j not in own)
+    ]
+    if landmarks and rest and not (last[:, rest] > 0).any():  # MediaPipe has none of hands and face
+        last = last.copy()
+        last[:, rest] = (values[:, rest, :2] != 0).any(axis=2)
     return last
 
 

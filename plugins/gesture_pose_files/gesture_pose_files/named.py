@@ -56,7 +56,7 @@ def joints_among(names: Sequence[str], options: ReadOptions, source: str) -> Nam
         else:
             found[joint] = index
     body = skeleton_of(tuple(found))
-    if not body.has_neck:
+    if not (body.has_neck or (options.whole and body.has_hands)):
         raise KeypointError(
             f"names the joints {_some(names)}, among which is neither a neck nor both shoulders",
             subject=source,

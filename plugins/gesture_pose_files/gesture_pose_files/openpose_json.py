@@ -17,7 +17,7 @@ from gesture_pose_files.reader import Reader
 
 _LOOKED_AT = 3
 # Of OpenPose's own networks; of 17, 26 and 133 joints in its frame, the order is what other tools use.
-_SAID = (15, 18, 25)
+_SAID = (15, 18, 25, 127, 130, 137)
 _EXPECTED = "frames such as wave_000000000000_keypoints.json or 0001.json, each with a list 'people'"
 
 

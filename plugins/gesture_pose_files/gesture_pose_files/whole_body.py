@@ -1,4 +1,4 @@
-"""Layouts of body, hands and face together: which joints are the body, all that is used."""
+"""Layouts of body, hands and face together: which joints are the body, their order where all are used."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.reading import ReadOptions
-from gesture_pose_files.layout import BY_COUNT, fits
+from gesture_core.skeletons import MEDIAPIPE543, MEDIAPIPE543_FACE, OPENPOSE137, OPENPOSE137_HANDS, Skeleton
+from gesture_pose_files.layout import NOT_USED, by_count, fits
 
 BODY_OF: Mapping[int, int] = {133: 17, 136: 26, 137: 25}
 """Joints of COCO-WholeBody, Halpe and OpenPose (body, face and hands in one list), and those of the body."""
@@ -23,26 +24,29 @@ _FLAT = {joints * values: (joints, values) for joints in _PARTS for values in _V
 # Of MediaPipe's x, y, z, visibility, then x, y, z of hands and perhaps of the face before them.
 _LANDMARKS = (1662, 258)
 _MAX_PEOPLE = 32
+_BOTH_HANDS = (2, 21)
 
 
 def body_of(joints: int, options: ReadOptions) -> int | None:
     """How many of the first joints in a layout of ``joints`` are the body; None for no known layout."""
     if options.skeleton and len(options.skeleton.joints) == joints:
         return joints
-    used = BODY_OF.get(joints, joints)
-    return used if used in BY_COUNT else None
+    used = joints if options.whole else BODY_OF.get(joints, joints)
+    return used if used in by_count(options) else None
 
 
 def known_counts(options: ReadOptions) -> str:
     """The numbers of joints that are known, in words."""
     own = [len(options.skeleton.joints)] if options.skeleton else []
-    counts = sorted({*BY_COUNT, *BODY_OF, *own})
+    counts = sorted({*by_count(options), *BODY_OF, *own})
     return ", ".join(map(str, counts[:-1])) + f" or {counts[-1]}"
 
 
 def is_known(shape: tuple[int, ...], options: ReadOptions) -> bool:
     """Whether an array of ``shape`` may be keypoints of one or several people, of the whole body or not."""
     shape = _without_ones(shape)
+    if options.whole and len(shape) == 4 and shape[1:3] == _BOTH_HANDS:
+        return True
     if len(shape) == 4:
         shape = (max(shape[:2]), *shape[2:])
     if fits(shape, options):
@@ -69,6 +73,8 @@ def people_in(
         is not found among 543 joints.
     """
     array = array.reshape(_without_ones(array.shape))
+    if options.whole and array.shape[1:3] == _BOTH_HANDS:
+        array = array.reshape(len(array), -1, array.shape[3])
     if array.ndim != 4:
         body, notes = _body(array, options, source)
         return [body], notes
@@ -95,11 +101,13 @@ def _without_ones(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _body(array: np.ndarray, options: ReadOptions, source: str) -> tuple[np.ndarray, tuple[str, ...]]:
-    """The body in a whole body of one person."""
+    """The body in a whole body of one person; all of it, in its skeleton's order, where more is wanted."""
+    if options.whole and array.ndim in (2, 3):
+        return _whole(array, source), ()
     if fits(array.shape, options) or array.ndim not in (2, 3):
         return array, ()
     if array.ndim == 2 and array.shape[1] in _LANDMARKS:
-        return array[:, :132].reshape(-1, 33, 4), ("hands and face are not used",)
+        return array[:, :132].reshape(-1, 33, 4), (NOT_USED,)
     if array.ndim == 2 and array.shape[1] in _FLAT:
         array = array.reshape(len(array), *_FLAT[array.shape[1]])
     if array.ndim != 3 or array.shape[2] not in _VALUES or array.shape[1] not in _PARTS:
@@ -109,7 +117,39 @@ def _body(array: np.ndarray, options: ReadOptions, source: str) -> tuple[np.ndar
         where = _holistic(array, source)
     else:
         where = slice(0, 33) if joints == _WITH_HANDS else slice(0, BODY_OF[joints])
-    return array[:, where], ("hands and face are not used",)
+    return array[:, where], (NOT_USED,)
+
+
+def _whole(array: np.ndarray, source: str) -> np.ndarray:
+    """Body, face and hands of one person in one order, whichever the file has them in."""
+    if array.ndim == 2 and array.shape[1] in _LANDMARKS:
+        body, rest = array[:, :132].reshape(-1, 33, 4), array[:, 132:].reshape(len(array), -1, 3)
+        there = (rest[..., :2] != 0).any(axis=2, keepdims=True)
+        return np.concatenate([body, np.concatenate([rest, there], axis=2)], axis=1)
+    if array.ndim == 2 and array.shape[1] in _FLAT:
+        array = array.reshape(len(array), *_FLAT[array.shape[1]])
+    if array.ndim == 3 and array.shape[1] == _HOLISTIC and _holistic(array, source) is _PLACES[1]:
+        return array[:, _order(MEDIAPIPE543_FACE, MEDIAPIPE543)]
+    if array.ndim == 3 and array.shape[1] == len(OPENPOSE137.joints):
+        order = min((OPENPOSE137, OPENPOSE137_HANDS), key=lambda one: _hands_off(array, one))
+        return array[:, _order(order, OPENPOSE137)]
+    return array
+
+
+def _order(given: Skeleton, wanted: Skeleton) -> list[int]:
+    return [given.index(joint) for joint in wanted.joints]
+
+
+def _hands_off(array: np.ndarray, layout: Skeleton) -> float:
+    """How far hands are from their arms, read as ``layout``."""
+    away = [np.inf]
+    for side in ("left", "right"):
+        pair = array[:, [layout.index(f"{side}_{joint}") for joint in ("wrist", "hand_wrist")], :2]
+        seen = (pair != 0).any(axis=2).all(axis=1) & np.isfinite(pair).all(axis=(1, 2))
+        away += (
+            [float(np.median(np.linalg.norm(pair[seen, 0] - pair[seen, 1], axis=1)))] if seen.any() else []
+        )
+    return min(away)
 
 
 def _holistic(array: np.ndarray, source: str) -> slice:

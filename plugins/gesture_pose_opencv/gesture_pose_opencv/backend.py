@@ -63,6 +63,8 @@ class OpenCvBackend(NetworkBackend):
         declared = [tensor.name for tensor in self.declared(data)[1]]
         found = self._net.getUnconnectedOutLayersNames()
         self._outputs = declared if set(declared) == set(found) else found
+        if self.model.path.suffix.lower() == ".tflite":  # as the exporter numbered them
+            self._outputs = sorted(found)
 
     def run(self, batch: np.ndarray) -> list[np.ndarray]:
         try:

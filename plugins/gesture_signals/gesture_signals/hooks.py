@@ -21,6 +21,11 @@ def register_normalizers(register: Register) -> None:
         summary="torso, after turning the body upright: a camera's roll does not matter",
     )
     register(
+        "hands",
+        "gesture_signals.hands:HandsNormalizer",
+        summary="torso for the body; hands at their wrists by the palm, a face at its eyes",
+    )
+    register(
         "view",
         "gesture_signals.normalizers:ViewNormalizer",
         summary="torso in its own three axes: a turn of the body does not matter",

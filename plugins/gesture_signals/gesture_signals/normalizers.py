@@ -81,7 +81,7 @@ class TorsoNormalizer:
             length = self.shoulders * np.linalg.norm(across, axis=1)
             what = "distance between the shoulders"
         length = _trusted(pose, length, self.floor, what)
-        scale = _median_over_time(length, pose.times, self.window)[:, None, None]
+        scale = median_over_time(length, pose.times, self.window)[:, None, None]
         points: np.ndarray = _relative_to_neck(pose) / scale
         return points
 
@@ -142,8 +142,13 @@ class ViewNormalizer:
 
     Parameters
     ----------
-    window, floor, shoulders
-        Those of `TorsoNormalizer`.
+    window : float
+        Seconds of the running median of the torso's length; zero takes that of the whole sequence.
+    floor : float
+        Frames below this share of the sequence's median do not take part.
+    shoulders : float
+        Torso lengths in one shoulder distance, for a person whose hips are not seen; zero makes that
+        an error, E_POSE_SCALE.
     upright : bool
         Turn around the vertical axis of the picture alone, so that a bow in all frames stays one.
     """
@@ -186,7 +191,7 @@ class ViewNormalizer:
         return turned
 
 
-def _median_over_time(values: np.ndarray, times: np.ndarray, window: float) -> np.ndarray:
+def median_over_time(values: np.ndarray, times: np.ndarray, window: float) -> np.ndarray:
     """(T,) median of the finite ``values`` within ``window`` seconds around each frame.
 
     A frame with no finite value near it takes the median of all; at least one must be finite.

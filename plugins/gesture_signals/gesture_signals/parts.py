@@ -10,6 +10,7 @@ one hand to the other.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -17,10 +18,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gesture_core.errors import SignalError
+from gesture_core.skeletons import FINGERS
 from gesture_core.types import Signals
 from gesture_signals.filters import smooth
 
-_POINTS = ("nose", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+_POINTS = (
+    "nose", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "mouth", "brow_middle",
+    *(f"{finger}_tip" for finger in FINGERS),
+)  # fmt: skip
+_PLACES = [(finger, ("cmc", "mcp") if finger == "thumb" else ("mcp", "pip")) for finger in FINGERS]
 _LIMBS = {
     "upper_arm": ("shoulder", "elbow"),
     "forearm": ("elbow", "wrist"),
@@ -28,10 +34,18 @@ _LIMBS = {
     "thigh": ("hip", "knee"),
     "shin": ("knee", "ankle"),
     "leg": ("hip", "ankle"),
+    "hand_from_face": ("nose", "wrist"),
+    "palm": ("hand_wrist", "middle_mcp"),
+    **{f"{finger}_base": (f"{finger}_{places[0]}", f"{finger}_{places[1]}") for finger, places in _PLACES},
+    **{f"{finger}_end": (f"{finger}_{places[1]}", f"{finger}_tip") for finger, places in _PLACES},
 }
 _BENDS = {"arm": ("upper_arm", "forearm"), "leg": ("thigh", "shin")}
+_BENDS |= {finger: (f"{finger}_base", f"{finger}_end") for finger in FINGERS}
 # From the left joint to the right one: a vector without a side, which a mirror turns upside down.
-_PAIRS = {"hands": ("left_wrist", "right_wrist")}
+_PAIRS = {"hands": ("left_wrist", "right_wrist"), "lips": ("upper_lip", "lower_lip")}
+_MIDDLE = ("nose", *_PAIRS)
+# All five in one warping: their tips, or how they bend.
+_SEVERAL = "fingers"
 _TERM = re.compile(r"(?P<part>[a-z_]+)(\.(?P<kind>[a-z]+))?(@(?P<share>[0-9.]+))?")
 # Velocities in body lengths per tenth of a second have the size of positions in body lengths.
 _TENTH = 10.0
@@ -49,12 +63,13 @@ class Parts:
     weights : mapping
         ``"part.kind@share"`` to the factor of its squared difference. Parts: a joint (``wrist``,
         seen from the neck) or a limb (``forearm``, from its upper joint), both sides of it, or
-        ``hands`` (from the left wrist to the right one). Kinds: none for the vector itself,
-        ``direction`` (unit vector), ``velocity`` (per tenth of a second), ``energy`` (its root mean
+        ``hands`` (from the left wrist to the right one); with the normalizer `hands` also ``fingers`` (the
+        tips of all five), ``palm``, ``hand_from_face``, ``lips`` and others. Kinds: none for the vector
+        itself, ``direction`` (unit vector), ``velocity`` (per tenth of a second), ``energy`` (its root mean
         square around each frame), ``spread`` (root mean square of the distance from its recent
         middle), ``turning`` (signed area that the vector sweeps around that middle), ``bend`` (of
-        ``arm`` or ``leg`` alone: sine and cosine of the angle at the elbow or knee). Share: how much
-        of the mean is subtracted.
+        ``arm``, ``leg`` or ``fingers``: sine and cosine of the angle at the elbow, knee or knuckle).
+        Share: how much of the mean is subtracted.
     window : float
         Seconds, standard deviation of the Gaussian that ``energy``, ``spread`` and ``turning``
         average over.
@@ -83,11 +98,13 @@ class Parts:
             if weight == 0:
                 continue
             part, kind, share = _term(text)
-            for side in ("",) if part == "nose" or part in _PAIRS else ("right_", "left_"):
+            members = FINGERS if part == _SEVERAL else ("",)
+            sides = ("",) if part in _MIDDLE else ("right_", "left_")
+            for side, member in itertools.product(sides, members):
                 if kind == "bend":
-                    values, mask, there = _bend(signals, part, side)
+                    values, mask, there = _bend(signals, member or part, side)
                 else:
-                    values, mask, there = _vector(signals, part, side)
+                    values, mask, there = _vector(signals, f"{member}_tip" if member else part, side)
                     if kind:
                         values = KINDS[kind](values, step, self.window)
                 suffixes = [f"_{axis}" for axis in "xyz"[: values.shape[1]]] if values.shape[1] > 1 else [""]
@@ -95,7 +112,8 @@ class Parts:
                     values = values - share * values.mean(axis=0, dtype=np.float64)
                 columns.append(values * np.sqrt(weight))
                 tail = (f".{kind}" if kind else "") + (f"@{share:g}" if share else "")
-                names += [f"{side}{part}{suffix}{tail}" for suffix in suffixes]
+                own = f"{side}{part}/{member}" if member else f"{side}{part}"
+                names += [f"{own}{suffix}{tail}" for suffix in suffixes]
                 masks += [mask] * len(suffixes)
                 present += [there] * len(suffixes)
         return replace(
@@ -125,12 +143,13 @@ def time_step(signals: Signals) -> float:
 def _term(text: str) -> tuple[str, str, float]:
     match = _TERM.fullmatch(text)
     part, kind = (match["part"], match["kind"] or "") if match else ("", "")
-    if match is None or part not in (*_POINTS, *_LIMBS, *_PAIRS) or kind not in ("", *KINDS, "bend"):
-        known = ", ".join((*_POINTS, *_LIMBS, *_PAIRS))
+    parts = (*_POINTS, *_LIMBS, *_PAIRS, _SEVERAL)
+    if match is None or part not in parts or kind not in ("", *KINDS, "bend"):
+        known = ", ".join(parts)
         kinds = ", ".join((*KINDS, "bend"))
         raise ValueError(f"{text!r} is not part.kind@share with a part of {known} and a kind of {kinds}")
-    if kind == "bend" and part not in _BENDS:
-        raise ValueError(f"{text!r}: only {' and '.join(_BENDS)} bend")
+    if kind == "bend" and part not in (*_BENDS, _SEVERAL):
+        raise ValueError(f"{text!r}: only {', '.join((*_BENDS, _SEVERAL))} bend")
     share = float(match["share"] or 0)
     if not 0 <= share <= 1:
         raise ValueError(f"{text!r}: the share is not in 0..1")
@@ -144,7 +163,7 @@ def _vector(signals: Signals, part: str, side: str) -> tuple[np.ndarray, bool, b
     axes = "xyz" if "neck_z" in signals.channels else "xy"
     assert signals.mask is not None and signals.present is not None
     for name in names:
-        joint = f"{side}{name}"
+        joint = name if name == "nose" else f"{side}{name}"
         try:
             places = [signals.channels.index(f"{joint}_{axis}") for axis in axes]
         except ValueError:
