@@ -10,12 +10,15 @@ from pathlib import Path
 
 import numpy as np
 from datasets import Item, body_gesture, need, utd_openpose, utd_skeleton
+from videos import with_videos
 
 from gesture_core.skeletons import COCO18
 from gesture_core.types import PoseSequence
 
 _KINECT = (3, 2, 8, 9, 10, 4, 5, 6, 16, 17, 18, 12, 13, 14)
 """Joints of Kinect v1 for the first fourteen of COCO-18: head, shoulder centre, arms, legs, right first."""
+_BEFORE, _AFTER = 1.0, 0.5
+"""Seconds of an example before its action point, where a gesture is under way, and after it."""
 
 
 @dataclass(frozen=True)
@@ -50,20 +53,29 @@ def utkinect(shared: Path) -> tuple[list[Recording], list[Item]]:
     return recordings, items
 
 
-def msrc12(shared: Path) -> list[tuple[str, str, PoseSequence, list[float]]]:
-    """Subject, gesture, sequence and action points in seconds of 60 recordings."""
+def msrc12(shared: Path) -> tuple[list[Recording], list[Item], dict[str, float]]:
+    """60 recordings of 12 gestures by 5 people, and examples with the seconds of their action points.
+
+    An action point is the one moment at which a gesture should be recognised, marked by people. The examples
+    are what lies around every other one of the first six of a recording.
+    """
     root = need(shared / "data" / "msrc12_p1")
     points = json.loads((root / "action_points.json").read_text("utf-8"))
-    found = []
+    recordings, items, moments = [], [], {}
     with np.load(root / "joints.npz", allow_pickle=False) as archive:
         for name, marks in points.items():
             micro = archive[f"{name}_us"]
             times = (micro - micro[0]) / 1e6
             pose = _kinect(archive[f"{name}_mm"], np.maximum.accumulate(times), name)
-            # Marks are in the units of the recorder's own clock, of which ten make a microsecond or one.
+            subject, label = name.split("_")[-1][:3], marks[0][1].split(" ")[0]
             seconds = [(mark - int(micro[0])) / 1e6 for mark, _ in marks]
-            found.append((name.split("_")[-1][:3], marks[0][1].split(" ")[0], pose, seconds))
-    return found
+            recordings.append(Recording(pose, subject, tuple((label, point, point) for point in seconds)))
+            for number in range(0, 6, 2):
+                point = seconds[number]
+                clip = cut(pose, point - _BEFORE, point + _AFTER, f"{name}_{number}")
+                items.append(Item(clip, label, subject, clip.source))
+                moments[clip.source] = point
+    return recordings, items, moments
 
 
 def strings_of(
@@ -105,21 +117,33 @@ def strings_of(
     return recordings
 
 
-def string_sets(shared: Path) -> Mapping[str, tuple[list[Recording], list[Item]]]:
-    """Recordings and examples by the name of the set; examples of other movements are called ``_none``."""
+def string_sets(shared: Path, videos: Path | None = None) -> Mapping[str, tuple[list[Recording], list[Item]]]:
+    """Recordings and examples by the name of the set; examples of other movements are called ``_none``.
+
+    ``videos`` is a folder with the keypoints that ``videos.py`` found in the clips of body_gesture.
+    """
     actions = [f"a{n}" for n in range(1, 28, 2)]
     skeleton = utd_skeleton(shared)
     openpose = utd_openpose(shared)
     four = sorted({item.label for item in openpose})[:4]
     landmarks = body_gesture(shared)
     moving = sorted({item.label for item in landmarks if item.group == "dynamic"})
-    none = [item if item.label in moving else replace(item, label="_none") for item in landmarks]
-    return {
+    sets = {
         "UTD-27 strings": (strings_of(skeleton, actions), [i for i in skeleton if i.label in actions]),
         "OpenPose strings": (strings_of(openpose, four), [i for i in openpose if i.label in four]),
-        "body_gesture strings": (strings_of(landmarks, moving), [i for i in landmarks if i.label in moving]),
-        "body_gesture strings, _none": (strings_of(landmarks, moving), none),
     }
+    for name, clips in {
+        "body_gesture strings": landmarks,
+        "body_gesture strings, videos": [
+            replace(item, pose=item.pose.as_coco18())
+            for item in (with_videos(landmarks, videos) if videos else [])
+        ],
+    }.items():
+        if clips:
+            none = [item if item.label in moving else replace(item, label="_none") for item in clips]
+            sets[name] = (strings_of(clips, moving), [i for i in clips if i.label in moving])
+            sets[f"{name}, _none"] = (sets[name][0], none)
+    return sets
 
 
 def cut(pose: PoseSequence, start: float, end: float, name: str) -> PoseSequence:

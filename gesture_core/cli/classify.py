@@ -58,7 +58,7 @@ def classify(
     label_columns
         With a CSV file: its headings of path and label, such as filename,class; 1,2 where it has none.
     """
-    asked = {"examples": examples, "labels": labels, "label_columns": label_columns}
+    asked: dict[str, Any] = {"examples": examples, "labels": labels, "label_columns": label_columns}
     return _execute(sources, out, flags, run, **asked)
 
 
@@ -66,6 +66,7 @@ def spot(
     *sources: Sources,
     examples: Annotated[tuple[str, ...], SEVERAL],
     out: Path,
+    calibrate: Annotated[tuple[str, ...], SEVERAL] = (),
     labels: str = "folder",
     label_columns: Annotated[str, UNSAID] = "",
     flags: Flags | None = None,
@@ -81,11 +82,14 @@ def spot(
         As in gesture classify. A folder _none holds other movements, which are never an event.
     out
         The run folder; it is continued, exported and evaluated as that of gesture classify.
+    calibrate
+        Annotations by which spot.tolerance is chosen: .eaf or .vtt beside a recording of that name, or .csv
+        with input, start, end and label. Inputs that are among these recordings are said to be.
     labels, label_columns
         As in gesture classify.
     """
-    asked = {"examples": examples, "labels": labels, "label_columns": label_columns}
-    return _execute(sources, out, flags, run, spot=True, **asked)
+    asked: dict[str, Any] = {"examples": examples, "labels": labels, "label_columns": label_columns}
+    return _execute(sources, out, flags, run, calibrate, spot=True, **asked)
 
 
 def extract(*sources: Sources, out: Path, flags: PoseFlags | None = None, run: RunFlags | None = None) -> int:
@@ -102,7 +106,12 @@ def extract(*sources: Sources, out: Path, flags: PoseFlags | None = None, run: R
 
 
 def _execute(
-    sources: tuple[str, ...], out: Path, flags: PoseFlags | None, run: RunFlags | None, **asked: Any
+    sources: tuple[str, ...],
+    out: Path,
+    flags: PoseFlags | None,
+    run: RunFlags | None,
+    annotations: tuple[str, ...] = (),
+    **asked: Any,
 ) -> int:
     """Run what a command asks for, show it, and return the exit code.
 
@@ -117,6 +126,13 @@ def _execute(
     run = run or RunFlags()
     asked |= {name: value for name, value in vars(run).items() if name != "quiet"}
     request = RunRequest(sources, out, (flags or PoseFlags()).settings(), **asked)
+    known: set[str] = set()
+    if annotations:
+        from gesture_core.run.calibrate import calibrate
+
+        request, chosen = calibrate(request, annotations)
+        known = set(chosen.contents)
+        say(chosen.text)
     if run.quiet:
         return run_archive(request).exit_code
     from gesture_core.cli.progress import progress
@@ -128,6 +144,8 @@ def _execute(
             results.rows(), "events" if request.spot else "labels" if request.examples else "keypoints"
         )
         say_summary(summary, () if request.spot else results.rows())
+        if same := len({row.input for row in results.rows() if row.sha256 in known} if known else ()):
+            say(f"{counted(same, 'input')} chose the tolerance: what is found there says little about others")
     return summary.exit_code
 
 

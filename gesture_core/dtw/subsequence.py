@@ -88,12 +88,8 @@ class SubsequenceState(ABC):
         frames = np.ascontiguousarray(frames)  # sums over the channels depend on how they lie
         if frames.ndim != 2 or frames.shape[1] != len(self.cells):
             raise InputError(f"frames of shape {frames.shape}", code="E_DIMENSIONS")
-        values = frames.astype(np.float64)
         before = len(self._squares)
-        # Added one after the other, from the last sum on: the same bits in whatever blocks frames come.
-        self._sums = np.concatenate([self._sums, np.cumsum(np.vstack([self._sums[-1:], values]), 0)[1:]])
-        squares = np.concatenate([self._squares[-1:], (values**2).sum(axis=1)])
-        self._squares = np.concatenate([self._squares, np.cumsum(squares)[1:]])
+        self._sums, self._squares = self.running(frames)
         costs, lengths = self.advance(frames.astype(self.cells.dtype))
         reached = costs < UNREACHABLE / 10
         lengths = np.where(reached, lengths, 0).astype(np.int32)
@@ -103,6 +99,16 @@ class SubsequenceState(ABC):
         np.divide(costs / self.frames, size, out=distances, where=reached & (size > 0))
         self._sums, self._squares = self._sums[-self._horizon :], self._squares[-self._horizon :]
         return distances, lengths
+
+    def running(self, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The sums as they are, and after each of the (B, D) frames.
+
+        Added one after the other, from the last sum on: the same bits in whatever blocks frames come.
+        """
+        values = frames.astype(np.float64)
+        sums = np.concatenate([self._sums, np.cumsum(np.vstack([self._sums[-1:], values]), 0)[1:]])
+        squares = np.concatenate([self._squares[-1:], (values**2).sum(axis=1)])
+        return sums, np.concatenate([self._squares, np.cumsum(squares)[1:]])
 
     def variances(
         self, sums: np.ndarray, squares: np.ndarray, before: int, lengths: np.ndarray

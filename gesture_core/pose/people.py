@@ -154,11 +154,14 @@ def _people(
 
 @dataclass
 class _Track:
-    """One person so far: the numbers of the first and the last frame, and the latest place of each joint."""
+    """One person so far: the numbers of the first and the last frame, the latest place of each joint, and how
+    far the body moves from frame to frame.
+    """
 
     first: int
     last: int
     latest: np.ndarray
+    speed: np.ndarray = field(default_factory=lambda: np.zeros(2))
     points: list[np.ndarray] = field(default_factory=list)
     scores: list[np.ndarray] = field(default_factory=list)
 
@@ -177,6 +180,9 @@ class Tracker:
         Tracks seen in fewer frames are dropped as false finds.
     """
 
+    steadiness = 0.2
+    """Share of the newest step in the speed of a track."""
+
     def __init__(self, joints: int, reach: float = 0.35, patience: int = 15, shortest: int = 5) -> None:
         self.joints = joints
         self.reach = reach
@@ -193,8 +199,10 @@ class Tracker:
         self._close(self._frame - self.patience)
         cost = np.full((len(self._open), len(people)), 1e6)
         for i, track in enumerate(self._open):
+            # Behind somebody else a person walks on.
+            expected = track.latest + track.speed * min(self._frame - track.last, self.patience)
             for j, person in enumerate(people):
-                cost[i, j] = _distance(track.latest, person.keypoints)
+                cost[i, j] = _distance(expected, person.keypoints)
         track_of: dict[int, _Track] = {}
         for i, j in zip(*linear_sum_assignment(cost), strict=True):
             if cost[i, j] <= self.reach:
@@ -207,6 +215,9 @@ class Tracker:
             missed = self._frame - track.first - len(track.points)
             track.points += [np.full((self.joints, 2), np.nan, np.float32)] * missed + [person.keypoints]
             track.scores += [np.zeros(self.joints, np.float32)] * missed + [person.scores]
+            moved = (person.keypoints - track.latest) / max(self._frame - track.last, 1)
+            if not np.isnan(moved).all():
+                track.speed = track.speed + self.steadiness * (np.nanmedian(moved, axis=0) - track.speed)
             track.last = self._frame
             # A joint that is hidden now is remembered where it was last seen.
             track.latest = np.where(np.isnan(person.keypoints), track.latest, person.keypoints)

@@ -14,7 +14,7 @@ from gesture_core.spot.evaluation import Annotation, EventScores, score_events
 
 SUFFIXES = (".eaf", ".vtt", ".csv")
 _LARGEST = 64 << 20
-_PATHS = ("input", "path", "file", "video")
+PATHS = ("input", "path", "file", "video")
 
 
 def evaluate_events(run: str | os.PathLike[str], annotations: str | os.PathLike[str]) -> EventScores:
@@ -40,7 +40,7 @@ def evaluate_events(run: str | os.PathLike[str], annotations: str | os.PathLike[
     if not any(row.event or row.code == "E_NO_EVENT" for row in rows):
         raise ConfigError("the run is not of gesture spot", subject=os.fspath(run), code="E_NO_RUN")
     events = [event_of(row) for row in rows if row.event]
-    marks = list(read_annotations(Path(annotations), rows))
+    marks = list(read_annotations(annotation_files(Path(annotations)), rows))
     seconds = sum({row.input: row.seconds for row in rows if row.frames_read}.values())
     return score_events(events, marks, seconds)
 
@@ -61,13 +61,18 @@ def event_of(row: Row) -> Event:
     )
 
 
-def read_annotations(path: Path, rows: Sequence[Row]) -> Iterator[Annotation]:
-    """All annotations in ``path``, each about an input of ``rows``."""
+def annotation_files(path: Path) -> list[Path]:
+    """``path``, or the files of annotations in that folder."""
     files = sorted(one for one in path.iterdir() if one.suffix in SUFFIXES) if path.is_dir() else [path]
     if not files:
         raise InputError(
             "holds no annotations", subject=str(path), remedy="ELAN, WebVTT or CSV files", code="E_EMPTY"
         )
+    return files
+
+
+def read_annotations(files: Sequence[Path], rows: Sequence[Row]) -> Iterator[Annotation]:
+    """All annotations in ``files``, each about an input of ``rows``."""
     names = {row.input for row in rows}
     owner: dict[str, Path] = {}
     for file in files:
@@ -75,7 +80,7 @@ def read_annotations(path: Path, rows: Sequence[Row]) -> Iterator[Annotation]:
             if owner.setdefault(mark.input, file) != file:
                 raise ConfigError(
                     f"{mark.input} is annotated in two files, {owner[mark.input].name} and {file.name}",
-                    subject=str(path), remedy="one of them", code="E_LABELS",
+                    subject=str(file.parent), remedy="one of them", code="E_LABELS",
                 )  # fmt: skip
             yield mark
 
@@ -123,7 +128,7 @@ def _csv(file: Path, names: set[str]) -> Iterator[Annotation]:
         with file.open(encoding="utf-8-sig", newline="") as lines:
             reader = csv.DictReader(lines)
             columns = reader.fieldnames or ()
-            place = next((name for name in _PATHS if name in columns), None)
+            place = next((name for name in PATHS if name in columns), None)
             if place is None or not {"start", "label"} <= set(columns):
                 raise InputError(
                     f"has the columns {', '.join(columns) or 'of no table'}", subject=str(file),

@@ -76,6 +76,7 @@ def classify_archive(
     retry_errors: bool = False,
     overwrite: bool = False,
     spot: bool = False,
+    calibrate: Sources = (),
     shard: str = "",
     listener: Listener | None = None,
     **changes: Any,
@@ -103,6 +104,8 @@ def classify_archive(
         Forget the rows of a run that was made with other settings.
     spot : bool
         Look for the examples in long recordings, see `spot_archive`.
+    calibrate : path or sequence of paths
+        With ``spot``: annotated recordings by which ``spot.tolerance`` is chosen, see `run.calibrate`.
     shard : str
         ``"3/16"``: only the third of 16 parts of the inputs, see `merge_runs`.
     listener : Listener, optional
@@ -128,6 +131,10 @@ def classify_archive(
         spot=spot,
         shard=shard,
     )
+    if marked := as_strings(calibrate):
+        from gesture_core.run.calibrate import calibrate as calibrated
+
+        request, _ = calibrated(request, marked, listener)
     return run_archive(request, listener)
 
 

@@ -14,15 +14,15 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gesture_core.errors import GestureError, KeypointError
+from gesture_core.errors import GestureError, KeypointError, RunFolderError
 from gesture_core.files import TEMPORARY, cache_dir, open_regular, replacing
 from gesture_core.skeletons import COCO18, skeleton
 from gesture_core.types import PoseSequence, Recording
@@ -155,6 +155,19 @@ class Extracted:
 def keypoint_store() -> Path:
     """Folder of the keypoint store, shared by all runs."""
     return cache_dir() / "keypoints"
+
+
+@contextmanager
+def storing(folder: Path | str) -> Iterator[None]:
+    """What the system refuses ends the run: no other input could be kept either."""
+    try:
+        yield
+    except OSError as error:
+        raise RunFolderError(
+            f"keypoints cannot be written to {folder}: {error.strerror or error}",
+            remedy="free space there, or name another folder in GESTURE_CACHE",
+            code="E_STORE_WRITE",
+        ) from error
 
 
 def write_keypoints(

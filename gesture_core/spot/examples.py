@@ -24,7 +24,7 @@ _COMMON = 0.5
 """Share of an example's variance that the channels must hold which the stream has as well."""
 _MEMBERS = 3
 """Examples with others of their class from which on it has a threshold of its own."""
-_COPY = 0.02
+COPY = 0.02
 """Distance up to which an example is a copy of another one: the same clip, encoded or cut again."""
 _PART = 0.5
 """Of one example that another must cover for their distance to count."""
@@ -170,7 +170,7 @@ class SpottingExamples:
         usual: np.ndarray = np.full(len(self), np.nan)
         for number, code in enumerate(self.codes):
             others = within[number, (self.codes == code) & (np.arange(len(self)) != number)]
-            others = others[np.isfinite(others) & (others > _COPY)]
+            others = others[np.isfinite(others) & (others > COPY)]
             if len(others):
                 usual[number] = np.median(others)
         known = np.isfinite(usual)

@@ -161,3 +161,27 @@ def test_no_frames_and_no_people_are_no_tracks() -> None:
     tracker = Tracker(18)
     tracker.add([])
     assert tracker.tracks() == []
+
+
+@pytest.mark.parametrize("speeds", [(6.0, -5.0), (8.0, 2.5), (6.0, 0.0)])
+def test_who_walks_behind_somebody_is_the_same_person_afterwards(speeds: tuple[float, float]) -> None:
+    exchanged = 0
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        tracker, start = Tracker(18), 300 - 45 * np.array(speeds) + random.uniform(-20, 20, 2)
+        truth = []
+        for t in range(90):
+            places = start + np.array(speeds) * t
+            both = [person(x, 4.0 * n) for n, x in enumerate(places)]
+            hidden = abs(places[0] - places[1]) < 30
+            order = random.permutation(1 if hidden else 2)
+            tracker.add([both[n] for n in order])
+            truth.append(places)
+        for first, points, _ in tracker.tracks():
+            seen = np.flatnonzero(~np.isnan(points[:, 0, 0]))
+            middle = points[seen, 1, :1] - figure(0, 0, 100)[1, 0]
+            known = np.array(truth)[first + seen]
+            clear = np.abs(known[:, 0] - known[:, 1]) > 60
+            who = np.abs(middle - known).argmin(axis=1)[clear]
+            exchanged += len(set(who.tolist())) > 1
+    assert exchanged <= 1

@@ -9,7 +9,7 @@ import pytest
 
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.report.event_files import tiers, write_event_files
-from gesture_core.run.annotations import read_annotations
+from gesture_core.run.annotations import annotation_files, read_annotations
 from gesture_core.types import Row
 
 ROWS = [
@@ -36,12 +36,12 @@ def test_a_file_for_each_input_that_is_read_back(format: str, tmp_path: Path) ->
     pytest.importorskip({"eaf": "pympi", "vtt": "webvtt"}[format])
     written = write_event_files(ROWS, format, tmp_path / "out")
     assert [path.name for path in written] == [f"one.{format}", f"one-2.{format}", f"none.{format}"]
-    marks = list(read_annotations(written[0], ROWS[:3]))
+    marks = list(read_annotations([written[0]], ROWS[:3]))
     said = [row.label if format == "eaf" else f"person {row.person}: {row.label}" for row in ROWS[:3]]
     assert sorted((m.start, m.end, m.label) for m in marks) == [
         (row.start, row.end, label) for row, label in zip(ROWS[:3], said, strict=True)
     ]
-    assert list(read_annotations(written[2], ROWS)) == []
+    assert list(read_annotations([written[2]], ROWS)) == []
 
 
 def test_elan_has_a_tier_for_each_person_and_for_what_overlaps() -> None:
@@ -73,7 +73,7 @@ def test_a_run_without_events_is_refused(tmp_path: Path) -> None:
 def test_annotations_in_a_table(tmp_path: Path) -> None:
     table = tmp_path / "marks.csv"
     table.write_text("path,start,end,label\na/one.mp4,1,2,wave\nnone,3,,clap\n", "utf-8")
-    marks = list(read_annotations(table, ROWS))
+    marks = list(read_annotations([table], ROWS))
     assert [(m.input, m.start, m.end, m.label) for m in marks] == [
         ("a/one.mp4", 1, 2, "wave"),
         ("c/none.mp4", 3, 3, "clap"),
@@ -94,7 +94,7 @@ def test_annotations_that_cannot_be_used_are_refused(text: str, cause: str, tmp_
     table = tmp_path / "marks.csv"
     table.write_text(text, "utf-8")
     with pytest.raises((InputError, ConfigError), match=cause):
-        list(read_annotations(table, ROWS))
+        list(read_annotations([table], ROWS))
 
 
 def test_one_recording_marked_in_two_files_is_refused(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_one_recording_marked_in_two_files_is_refused(tmp_path: Path) -> None:
     for format in ("eaf", "vtt"):
         write_event_files(ROWS[3:], format, tmp_path)
     with pytest.raises(ConfigError, match="two files"):
-        list(read_annotations(tmp_path, ROWS[3:]))
+        list(read_annotations(annotation_files(tmp_path), ROWS[3:]))
 
 
 @pytest.mark.parametrize("name", ["none.eaf", "none.vtt"])
@@ -112,4 +112,4 @@ def test_files_of_another_kind_are_refused(name: str, tmp_path: Path) -> None:
     pytest.importorskip("webvtt")
     (tmp_path / name).write_text("no such thing", "utf-8")
     with pytest.raises(InputError, match="is no"):
-        list(read_annotations(tmp_path, ROWS))
+        list(read_annotations(annotation_files(tmp_path), ROWS))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
 from functools import cached_property
 from importlib import import_module
@@ -16,7 +17,7 @@ from gesture_core.plugin.abilities import ExplainsRefusal
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import decoded
 from gesture_core.run.addresses import drop, fetch, look, place_for, sha256_of
-from gesture_core.run.store import Extracted, Stored, mark_used, read_keypoints, write_keypoints
+from gesture_core.run.store import Extracted, Stored, mark_used, read_keypoints, storing, write_keypoints
 from gesture_core.types import PoseSequence, Recording
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 Answer = bool | tuple[str, str]
 """Whether a reader takes a file; or the code and the cause of its failure to say so."""
 _REPORT_SECONDS = 0.5
+_LONG = 1000
+"""Frames up to which a video that was interrupted is begun again."""
 _OFTEN = 1 / 3
 """Share of the frames from which other people are worth a note."""
 _OTHERS = (
@@ -154,21 +157,15 @@ class KeypointExtractor:
         if reader:
             sequences, facts = self._from_reader(path, member, reader)
         else:
-            sequences, facts = self._from_video(path)
+            sequences, facts = self._from_video(path, Path(self._job.store) / name)
         sequences = [sequence for sequence in sequences if sequence.frames_with_pose]
         if not address and stamp(path) != found.stamp:
             raise InputError("was written while it was read", remedy="--retry-errors", code="E_CHANGED")
-        try:
+        with storing(self._job.store):
             write_keypoints(Path(self._job.store) / name, sequences, facts)
-        except OSError as error:
-            raise RunFolderError(
-                f"keypoints cannot be written to {self._job.store}: {error.strerror or error}",
-                remedy="free space there, or name another folder in GESTURE_CACHE",
-                code="E_STORE_WRITE",
-            ) from error
         return found.holding(Stored(sequences, facts), name)
 
-    def _from_video(self, path: Path) -> tuple[list[PoseSequence], dict[str, Any]]:
+    def _from_video(self, path: Path, stored: Path) -> tuple[list[PoseSequence], dict[str, Any]]:
         backend, settings = self.backend, self._settings
         self._worker.alive()
         from gesture_core.pose.extract import extract_poses
@@ -176,10 +173,11 @@ class KeypointExtractor:
 
         with open_configured(path, settings) as video:
             frames = _Looked(video, settings.pose.rate, self._worker.report)
-            with calling(registry().find("pose", settings.pose.backend), passing=(OSError,)):
+            entry = registry().find("pose", settings.pose.backend)
+            with _journal(backend, video, stored) as asked, calling(entry, passing=(OSError,)):
                 sequences = extract_poses(
                     frames,
-                    backend,
+                    asked,
                     settings.pose.people,
                     follow=settings.pose.follow,
                     hands=self.hands,
@@ -284,6 +282,16 @@ class KeypointExtractor:
         for module in ("cv2", *registry().find("video", reader).needs):
             import_module(module)  # now, so that the first video does not seem to stand still
         return open_backend(self._settings, self._job.threads)
+
+
+def _journal(backend: PoseBackend, video: Video, stored: Path) -> AbstractContextManager[PoseBackend]:
+    """``backend``, which remembers its answers where the video is long."""
+    frames = video.info.frames_declared
+    if frames is not None and frames <= _LONG:
+        return nullcontext(backend)
+    from gesture_core.run.workers.journal import remembering
+
+    return remembering(backend, stored)
 
 
 def _stored_name(sha256: str, key: str) -> str:

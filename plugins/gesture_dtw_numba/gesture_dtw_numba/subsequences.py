@@ -17,7 +17,7 @@ from gesture_core.cores import usable_cores
 from gesture_core.dtw.subsequence import UNREACHABLE, SubsequenceState
 from gesture_dtw_numba.compiled import compiled
 
-CELLS = 512
+CELLS = 1024
 """Of one chunk, unless one example has more."""
 TILE = 8
 """Frames whose local costs are computed before the recurrence."""
@@ -68,7 +68,7 @@ class NumbaSubsequences(SubsequenceState):
         lengths: np.ndarray = np.empty(costs.shape, np.int32)
 
         def part(cuts: np.ndarray) -> None:
-            scratch = np.empty((TILE + 1, self._widest), np.float32)
+            scratch = np.empty((TILE + 2, self._widest), np.float32)
             follow(
                 x, self._padded, cuts, self.first, self.end, self._costs, self._lengths, self._local,
                 self._turn, scratch, costs, lengths,
@@ -94,9 +94,19 @@ class NumbaSubsequences(SubsequenceState):
         spreads(sums, squares, before, lengths, out)
         return out
 
+    def running(self, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The sums as they are, and after each of the frames."""
+        before = len(self._squares)
+        sums = np.empty((before + len(frames), frames.shape[1]))
+        squares = np.empty(len(sums))
+        sums[:before], squares[:before] = self._sums, self._squares
+        add_up(frames, before, sums, squares)
+        return sums, squares
 
-# Each loop is a function of its own over arrays of one dimension: only so does the compiler see rows
-# without gaps that share no memory, and make vector instructions of it. So are lengths float32.
+
+# Each loop is a function of its own over arrays of one dimension, with few of them: only so does the compiler
+# see rows without gaps, test at the start that they share no memory, and make vector instructions of it.
+# That is also why lengths are float32, and why the choice of a step, its cost and its length are three loops.
 
 
 def _add_costs(x: Any, y: Any, k0: Any, k1: Any, row: Any) -> None:
@@ -105,26 +115,68 @@ def _add_costs(x: Any, y: Any, k0: Any, k1: Any, row: Any) -> None:
         x0, x1, x2, x3 = x[d], x[d + 1], x[d + 2], x[d + 3]
         y0, y1, y2, y3 = y[d][k0:k1], y[d + 1][k0:k1], y[d + 2][k0:k1], y[d + 3][k0:k1]
         for k in range(len(row)):
-            d0, d1, d2, d3 = x0 - y0[k], x1 - y1[k], x2 - y2[k], x3 - y3[k]
-            row[k] += (d0 * d0 + d1 * d1) + (d2 * d2 + d3 * d3)
+            d0, d1, d2, d3 = y0[k] - x0, y1[k] - x1, y2[k] - x2, y3[k] - x3
+            row[k] = (((row[k] + d0 * d0) + d1 * d1) + d2 * d2) + d3 * d3
 
 
-def _step(
-    cost: Any, cost_one: Any, cost_two: Any, span: Any, span_one: Any, span_two: Any, here: Any, last: Any
+def _add_costs_of_four(
+    p: Any, q: Any, r: Any, s: Any, y: Any, k0: Any, k1: Any, row_p: Any, row_q: Any, row_r: Any, row_s: Any
 ) -> None:
-    half, one, two = np.float32(0.5), np.float32(1), np.float32(2)
-    cells = len(cost) - 2
-    cost, span, last = cost[2:], span[2:], last[2:]
-    from_one, wait_one, own, above = cost_one[1:], cost_two[1:], here[2:], here[1:]
-    span_from, span_wait = span_one[1:], span_two[1:]
-    for k in range(cells):
+    """The same of four frames, with the same bits: an example is read once for all of them."""
+    row_p[:] = 0
+    row_q[:] = 0
+    row_r[:] = 0
+    row_s[:] = 0
+    for d in range(0, len(p), 4):
+        p0, p1, p2, p3 = p[d], p[d + 1], p[d + 2], p[d + 3]
+        q0, q1, q2, q3 = q[d], q[d + 1], q[d + 2], q[d + 3]
+        r0, r1, r2, r3 = r[d], r[d + 1], r[d + 2], r[d + 3]
+        s0, s1, s2, s3 = s[d], s[d + 1], s[d + 2], s[d + 3]
+        y0, y1, y2, y3 = y[d][k0:k1], y[d + 1][k0:k1], y[d + 2][k0:k1], y[d + 3][k0:k1]
+        for k in range(len(row_p)):
+            a, b, c, e = y0[k], y1[k], y2[k], y3[k]
+            d0, d1, d2, d3 = a - p0, b - p1, c - p2, e - p3
+            row_p[k] = (((row_p[k] + d0 * d0) + d1 * d1) + d2 * d2) + d3 * d3
+            d0, d1, d2, d3 = a - q0, b - q1, c - q2, e - q3
+            row_q[k] = (((row_q[k] + d0 * d0) + d1 * d1) + d2 * d2) + d3 * d3
+            d0, d1, d2, d3 = a - r0, b - r1, c - r2, e - r3
+            row_r[k] = (((row_r[k] + d0 * d0) + d1 * d1) + d2 * d2) + d3 * d3
+            d0, d1, d2, d3 = a - s0, b - s1, c - s2, e - s3
+            row_s[k] = (((row_s[k] + d0 * d0) + d1 * d1) + d2 * d2) + d3 * d3
+
+
+def _choose(choice: Any, cost_one: Any, cost_two: Any, here: Any, last: Any) -> None:
+    """0 for a step by one frame of both, 1 over a frame of the example, 2 over one of the stream."""
+    half, none, skipped, waited = np.float32(0.5), np.float32(0), np.float32(1), np.float32(2)
+    from_one, wait_one, own, above, before = cost_one[1:], cost_two[1:], here[2:], here[1:], last[2:]
+    for k in range(len(here) - 2):
         both = from_one[k] + own[k]
         skip = cost_one[k] + (above[k] + own[k])
-        wait = wait_one[k] + half * (last[k] + own[k])
-        least = min(both, skip)
-        length = span_one[k] if skip < both else span_from[k]
-        span[k] = (span_wait[k] + two) if wait < least else (length + one)
-        cost[k] = min(least, wait)
+        wait = wait_one[k] + half * (before[k] + own[k])
+        least = skip if skip < both else both
+        kind = skipped if skip < both else none
+        choice[k] = waited if wait < least else kind
+
+
+def _pay(cost: Any, cost_one: Any, cost_two: Any, here: Any, last: Any) -> None:
+    half = np.float32(0.5)
+    cells, from_one, wait_one, own, above, before = (
+        cost[2:], cost_one[1:], cost_two[1:], here[2:], here[1:], last[2:],
+    )  # fmt: skip
+    for k in range(len(cells)):
+        both = from_one[k] + own[k]
+        skip = cost_one[k] + (above[k] + own[k])
+        wait = wait_one[k] + half * (before[k] + own[k])
+        least = skip if skip < both else both
+        cells[k] = wait if wait < least else least
+
+
+def _lengthen(span: Any, span_one: Any, span_two: Any, choice: Any) -> None:
+    one, two = np.float32(1), np.float32(2)
+    cells, from_one, wait_one = span[2:], span_one[1:], span_two[1:]
+    for k in range(len(cells)):
+        length = span_one[k] if choice[k] == one else from_one[k]
+        cells[k] = (wait_one[k] + two) if choice[k] == two else (length + one)
 
 
 def _follow(
@@ -139,22 +191,41 @@ def _follow(
         for begin in range(0, len(x), TILE):
             count = min(TILE, len(x) - begin)
             scratch[0, :width] = local[k0:k1]
-            for f in range(count):
+            whole = count - count % 4
+            for f in range(0, whole, 4):
+                at = begin + f
+                add_costs_of_four(
+                    x[at], x[at + 1], x[at + 2], x[at + 3], y, k0, k1, scratch[f + 1][:width],
+                    scratch[f + 2][:width], scratch[f + 3][:width], scratch[f + 4][:width],
+                )  # fmt: skip
+            for f in range(whole, count):
                 add_costs(x[begin + f], y, k0, k1, scratch[f + 1][:width])
             for f in range(count):
                 now = (turn + begin + f) % 3
                 one, two = (now + 2) % 3, (now + 1) % 3
                 cost, span = costs[now][k0:k1], lengths[now][k0:k1]
-                step(
-                    cost, costs[one][k0:k1], costs[two][k0:k1], span, lengths[one][k0:k1],
-                    lengths[two][k0:k1], scratch[f + 1][:width], scratch[f][:width],
-                )  # fmt: skip
+                cost_one, cost_two = costs[one][k0:k1], costs[two][k0:k1]
+                here, last = scratch[f + 1][:width], scratch[f][:width]
+                choice = scratch[TILE + 1][:width]
+                choose(choice, cost_one, cost_two, here, last)
+                lengthen(span, lengths[one][k0:k1], lengths[two][k0:k1], choice)
+                pay(cost, cost_one, cost_two, here, last)
                 for n in range(left, right):
                     enter = first[n] - 1 - k0
                     cost[enter], span[enter], cost[enter - 1] = np.float32(0), np.float32(0), far
                     out_costs[begin + f, n] = cost[end[n] - k0]
                     out_lengths[begin + f, n] = np.int32(span[end[n] - k0])
             local[k0:k1] = scratch[count, :width]
+
+
+def _add_up(frames: Any, before: Any, sums: Any, squares: Any) -> None:
+    for t in range(len(frames)):
+        row, total = before + t, 0.0
+        for d in range(frames.shape[1]):
+            value = float(frames[t, d])
+            sums[row, d] = sums[row - 1, d] + value
+            total += value * value
+        squares[row] = squares[row - 1] + total
 
 
 def _spreads(sums: Any, squares: Any, before: Any, lengths: Any, out: Any) -> None:
@@ -172,6 +243,11 @@ def _spreads(sums: Any, squares: Any, before: Any, lengths: Any, out: Any) -> No
 
 
 add_costs = compiled(_add_costs)
-step = compiled(_step)
+add_costs_of_four = compiled(_add_costs_of_four)
+choose = compiled(_choose)
+pay = compiled(_pay)
+lengthen = compiled(_lengthen)
 follow = compiled(_follow)
-spreads = compiled(_spreads)
+add_up = compiled(_add_up)
+# Its sums may be added in any order, which is the same for every cell of every block.
+spreads = compiled(_spreads, fastmath={"reassoc", "nsz", "contract"})
