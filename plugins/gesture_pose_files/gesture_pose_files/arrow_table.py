@@ -75,7 +75,7 @@ class ArrowTableReader(JsonTableReader):
 
 
 def size_of(about: Any) -> tuple[int, int]:
-    """Bytes and values that the metadata of a Parquet file claim: a page may hold one value a million times."""
+    """Bytes and values that the metadata of a Parquet file claim: few bytes may be many values."""
     groups = [about.row_group(number) for number in range(about.num_row_groups)]
     columns = [group.column(number) for group in groups for number in range(group.num_columns)]
     return sum(group.total_byte_size for group in groups), sum(column.num_values for column in columns)
