@@ -229,7 +229,11 @@ def _copy_keypoints(runs: Sequence[Path], opened: Sequence[Results], out: Path) 
     """Copy the keypoint files of extractions, as far as they are not there yet."""
     origin: dict[str, Path] = {}
     for run, results in zip(runs, opened, strict=True):
-        for name in set(results.published().values()):
+        published, done = results.published(), results.with_keypoints()
+        needed = {name for key, name in published.items() if key in done}
+        for name in set(published.values()):
+            if Path(name).is_absolute() or ".." in Path(name).parts:  # the file of another machine says so
+                raise RunFolderError(f"names a file {name!r}", subject=str(run), code="E_RUN_DAMAGED")
             if (other := origin.setdefault(name, run)) is not run:
                 raise ConfigError(
                     f"both have a keypoint file {name}",
@@ -238,6 +242,16 @@ def _copy_keypoints(runs: Sequence[Path], opened: Sequence[Results], out: Path) 
                     code="E_MERGE",
                 )
             source, target = run / "keypoints" / name, out / "keypoints" / name
+            if not source.is_file():  # a run that was ended has said that it will be there
+                if name not in needed:
+                    continue
+                raise RunFolderError(
+                    f"lacks the keypoint file {name}",
+                    subject=str(run),
+                    kept="all runs",
+                    remedy="its command again, which writes it",
+                    code="E_RUN_DAMAGED",
+                )
             facts = source.stat()
             if target.is_file() and (target.stat().st_size, target.stat().st_mtime_ns) == (
                 facts.st_size, facts.st_mtime_ns,
