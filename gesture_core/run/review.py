@@ -245,7 +245,11 @@ def add_corrections(
         rows = {key: row for key, row in results.keyed_rows() if not row.person}
     if recognizer is None:
         raise RunFolderError(
-            "holds no fitted examples", subject=str(run), remedy="gesture classify once more", code="E_NO_RUN"
+            "holds no fitted examples",
+            subject=str(run),
+            kept="the answers",
+            remedy="gesture classify once more, with --overwrite (keypoints and answers are kept)",
+            code="E_NO_RUN",
         )
     keys = {row.input: key for key, row in rows.items() if row.distance is not None}
     places = {name: os.fsdecode(key.partition(b"\0")[0]) for name, key in keys.items()}

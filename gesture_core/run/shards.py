@@ -56,32 +56,6 @@ class Shard:
         return int.from_bytes(digest[:8]) % self.count == self.number - 1
 
 
-def part_of(shard: Shard | None, found: Sequence[Input], inputs: Sequence[Input]) -> dict[str, Any]:
-    """What a run folder is merged by: its shard, the number of its inputs, and a hash of all names."""
-    names = hashlib.sha256()
-    for name in sorted(item.name for item in found):
-        names.update(name.encode("utf-8", "surrogatepass") + b"\0")
-    return {
-        "shard": str(shard or ""),
-        "inputs": len(inputs),
-        "found": len(found),
-        "names": names.hexdigest()[:16],
-    }
-
-
-def check_same_shard(results: Results, shard: Shard | None) -> None:
-    """Raise ``E_CONFIG_CHANGED`` where the run folder has rows, of another shard."""
-    before = json.loads(results.get("part") or "{}").get("shard", "")
-    if before != str(shard or "") and results.counts():
-        raise ConfigError(
-            f"holds {f'shard {before}' if before else 'a run without --shard'}",
-            subject=str(results.path.parent),
-            kept="its rows",
-            remedy="another --out for each shard",
-            code="E_CONFIG_CHANGED",
-        )
-
-
 @dataclass(frozen=True)
 class Merged:
     """What came of `merge_runs`.

@@ -14,7 +14,7 @@ import pytest
 from troubles import write_clip
 
 from gesture_core import classify_archive, explain, load_poses
-from gesture_core.errors import GestureError, InputError, MissingDependencyError
+from gesture_core.errors import GestureError, InputError, MissingDependencyError, RunFolderError
 from gesture_core.files import cache_dir
 from gesture_core.run import addresses
 from gesture_core.run.addresses import entries, fetch, local_path, look, sha256_of, shown
@@ -161,12 +161,17 @@ def test_a_corrected_clip_of_a_zip_file_becomes_an_example(folder: Path) -> None
     with zipfile.ZipFile(folder / "archive.zip", "w") as archive:
         for file in sorted((folder / "videos").rglob("*.npz")):
             archive.write(file, file.relative_to(folder))
-    classify(f"zip://::file://{folder / 'archive.zip'}", folder / "examples", folder / "run")
+    address = f"zip://::file://{folder / 'archive.zip'}"
+    classify(address, folder / "examples", folder / "run")
     with Answers(folder / "run") as answers:
         for place, (_, row) in enumerate(answers.rows):
             answers.give(place, "left" if row.label == "right" else "right")
         table = write_answers(answers.answered(), folder / "answers.csv").read_text("utf-8")
     assert f"zip://videos/day0/left.npz::file://{folder / 'archive.zip'},right" in table
+    (folder / "run" / "run.fitted").unlink()  # as after a run of an earlier version
+    with pytest.raises(RunFolderError, match="with --overwrite"):
+        add_corrections(folder / "run", folder / "more")
+    classify(address, folder / "examples", folder / "run", overwrite=True)
     added = add_corrections(folder / "run", folder / "more").added
     assert added and all(path.stat().st_size for path in added)
 
