@@ -382,3 +382,12 @@ def test_what_a_table_unpacks_to_is_known_before(
     with pytest.raises(KeypointError) as caught:
         ArrowTableReader().read(path)
     assert caught.value.code == "E_KEYPOINTS_LIMIT"
+
+
+@pytest.mark.parametrize("data", [b"hello", gzip.compress(b"0," * 1000)[:-9]])
+def test_a_packed_file_that_is_damaged_is_none_of_another_kind(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "clip.csv.gz"
+    path.write_bytes(data)
+    with pytest.raises(KeypointError) as caught:
+        CsvReader().accepts(path)
+    assert caught.value.code == "E_KEYPOINTS_BROKEN"
