@@ -97,8 +97,8 @@ def head_of(path: Path, count: int) -> bytes:
     Raises
     ------
     KeypointError
-        `E_KEYPOINTS_UNREADABLE`, `E_KEYPOINTS_BROKEN` where the file exists and cannot be read or unpacked, so
-        that its format is unknown.
+        `E_KEYPOINTS_UNREADABLE`, `E_KEYPOINTS_BROKEN` where the file exists and cannot be read or unpacked,
+        so that its format is unknown.
     """
     try:
         with open_keypoints(path, 1 << 62) as file:
