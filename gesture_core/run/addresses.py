@@ -75,8 +75,10 @@ def local_path(source: str) -> str:
         from urllib.request import url2pathname
 
         return url2pathname(source.removeprefix("file://"))
-    root = hashlib.sha256(_root(shown(source)).rstrip("/").encode()).hexdigest()[:16]
-    return str(cache_dir() / "fetched" / root)
+    path, *outer = _root(shown(source)).rstrip("/").split("::")
+    above, _, name = path.rstrip("/").rpartition("/")
+    digest = hashlib.sha256("::".join([above, *outer]).encode()).hexdigest()[:16]
+    return str(cache_dir() / "fetched" / digest / _safe([name]))  # beside each other as the folders are
 
 
 def _root(address: str) -> str:

@@ -258,11 +258,13 @@ class Walk:
                 fault = error.message.removeprefix(f"{error.subject}: ")
                 yield Input(path, kind="broken", code=error.code, fault=fault, **about)
                 continue
+            mine = False
             for item in self._file(path):
                 name = about["name"] + (f"::{printable(item.member)}" if item.member else "")
+                mine = mine or item.readable
                 yield replace(item, name=name, address=entry.address, stamp=entry.stamp)
-            self._fetched += entry.size or 0
-            if self._fetched > _KEPT:
+            self._fetched += entry.size or 0 if mine else 0
+            if not mine or self._fetched > _KEPT:  # nobody's has no turn
                 drop(path)
 
     def path(self, path: Path) -> Iterator[Input]:
