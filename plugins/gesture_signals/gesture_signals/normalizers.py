@@ -11,9 +11,8 @@ from gesture_core.errors import PoseError
 from gesture_core.skeletons import COCO18
 from gesture_core.types import PoseSequence
 
-RUNNING = 4.0
-"""Seconds of the running scale in long recordings, where it is not longer anyway: who bends down for a moment
-is no smaller."""
+RUNNING = 1.0
+"""Seconds of the running scale in long recordings, unless another one is set."""
 
 # Below this share of the picture (or of the pose's own extent) a distance is noise of the network.
 _TINY = 1e-3
@@ -87,7 +86,7 @@ class TorsoNormalizer:
 
     def on_stream(self) -> TorsoNormalizer:
         """The same with a running scale."""
-        return replace(self, window=max(self.window, RUNNING))
+        return replace(self, window=self.window or RUNNING)
 
 
 @dataclass(frozen=True)
