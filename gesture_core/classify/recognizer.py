@@ -106,7 +106,8 @@ class Recognizer:
         chosen = settings.classify
         library = ExampleLibrary.of(signals_of(X, settings, "example"), list(y), names)
         check_alike(library.series, "example")
-        settings = balanced(library.series, settings)
+        if settings.classify.balance or settings.classify.weights:
+            settings = balanced(library.series, settings)
         if not isinstance(library.series[0], Signals):
             SignalBatch.of(library.series, np.float64, name="example")
             # One precision whatever a query has, so that no row depends on the others of its batch.

@@ -103,13 +103,16 @@ def _found_again(run: Path, name: str) -> tuple[Path, list[Row], Settings]:
 
     with open_results(run) as results, results.failures():
         keyed = list(results.keyed_rows())
-        settings = settings_from_dict(results.configuration["settings"])
+        configuration = results.configuration
     name = input_called((row.input for _, row in keyed), name)
     rows = [row for _, row in keyed if row.input == name]
     place = next(os.fsdecode(key.partition(b"\0")[0]) for key, row in keyed if row.input == name)
+    settings = settings_from_dict(configuration["settings"])
     item = find_inputs({name: place}, settings)[name]
     if isinstance(item, GestureError):
         raise item
+    if item.kind != "video":
+        raise InputError("is no video, which alone is drawn over", subject=name, code="E_OPTION")
     if content_sha256(item.path) != rows[0].sha256:
         raise InputError("has changed since the run", subject=name, remedy="run it again", code="E_CHANGED")
     return item.path, rows, settings

@@ -1,8 +1,8 @@
 """Archives that are no folders: what fsspec lists and reads (``s3://``, ``https://``, ``zip::``, …).
 
 An object is fetched when its turn comes, and deleted when its keypoints are in the store. Credentials are
-found by the library itself; an address that holds some is refused, and what follows a ``?`` is never shown
-or kept.
+found by the library itself; an address that holds some is refused, and a query, which may be a signature, is
+never shown or kept.
 """
 
 from __future__ import annotations
@@ -28,11 +28,16 @@ _EXTRAS = {
     "http": "http", "https": "http", "hf": "hf",
 }  # fmt: skip
 """What to install for a protocol; for others fsspec alone may do."""
+_NO_QUERY = frozenset("file local memory zip tar s3 s3a gs gcs hf".split())
+"""Where a ``?`` is a letter of a name as any other."""
+_NO_SERVER = frozenset("file local memory zip tar abfs abfss az".split())
+"""Where what stands in front of the first slash, with an ``@`` perhaps, is no name with its password."""
 _VERSIONS = ("LastModified", "Last-Modified", "last_modified", "updated", "mtime", "created", "CRC")
 """What may change with the content of an object, by the names that file systems give it."""
 _MD5 = re.compile(r"[0-9a-f]{32}")
 _ATTEMPTS = 3
 _LONGEST = 200
+_QUERY = re.compile(r"(://[^\s'\"?]*)\?[^\s'\"]+")
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,15 @@ def shown(address: str) -> str:
     """An address as it may be printed and kept: without a query, which may be a signature."""
     if not is_address(address):
         return printable(address)
-    return printable("::".join(part.partition("?")[0] for part in address.split("::")))
+    return printable("::".join(_parted(part)[0] for part in address.split("::")))
+
+
+def _parted(part: str) -> tuple[str, str]:
+    """A part of an address without its query, and that."""
+    if part.partition("://")[0] in _NO_QUERY:
+        return part, ""
+    plain, _, query = part.partition("?")
+    return plain, query
 
 
 def local_path(source: str) -> str:
@@ -114,10 +127,11 @@ def entries(source: str) -> Iterator[tuple[Path, Entry]]:
             listed = [
                 one for one in system.ls(here, detail=True) if one["name"].strip("/") != here.strip("/")
             ]
-            names = {str(one["name"]).rstrip("/"): one for one in listed}
-            seen = {name: one for name, one in names.items() if not name.rpartition("/")[2].startswith(".")}
-            folders += sorted((n for n, one in seen.items() if one["type"] == "directory"), reverse=True)
-            yield from _files(system, source, path, folder, seen)
+            named = [(str(one["name"]).rstrip("/"), one) for one in listed]
+            seen = [(name, one) for name, one in named if not name.rpartition("/")[2].startswith(".")]
+            folders += sorted((name for name, one in seen if one["type"] == "directory"), reverse=True)
+            files = {name: one for name, one in seen if one["type"] == "file"}  # an object may be both
+            yield from _files(system, source, path, folder, files)
 
 
 def roots(sources: Sequence[str]) -> tuple[bytes, ...]:
@@ -151,7 +165,8 @@ def fetch(entry: Entry, path: Path, alive: Callable[[], None] = lambda: None) ->
         if path.is_file() and mark.read_text("utf-8") == entry.stamp:
             return
     system, place = _open(entry.address)
-    mark.unlink(missing_ok=True)
+    with _blamed(entry.address):
+        mark.unlink(missing_ok=True)
     for attempt in range(1, _ATTEMPTS + 1):
         try:
             _read(system, place, entry, path, alive)
@@ -220,8 +235,9 @@ def _open(address: str) -> tuple[Any, str]:
     """The file system of an address, and the path in it."""
     parts = address.split("::")
     for part in parts:
-        server = part.partition("://")[2].partition("/")[0]
-        if "@" in server and not part.startswith(("abfs", "az")):
+        kind, _, rest = part.partition("://")
+        server = rest.partition("/")[0]
+        if "@" in server and kind not in _NO_SERVER:
             raise InputError(
                 "holds a name or password", subject=shown(address.replace(server, server.rpartition("@")[2])),
                 remedy="an address without it, and the configuration of the library (for S3: AWS_PROFILE)",
@@ -270,8 +286,9 @@ def _failed(address: str, error: Exception) -> InputError:
     """The error, without what must not be shown of an address."""
     cause = described(error) if not isinstance(error, FileNotFoundError) else "no such object"
     for part in address.split("::"):
-        query = part.partition("?")[2]
+        _, query = _parted(part)
         cause = cause.replace(query, "…") if query else cause
+    cause = _QUERY.sub(r"\1?…", cause)  # a server may have led to an address that is signed
     missing = isinstance(error, FileNotFoundError)
     return InputError(
         f"cannot be read: {printable(cause)[:300]}" if not missing else cause,
@@ -295,10 +312,11 @@ def _safe(parts: list[str]) -> Path:
     """A relative path that stays below its folder, whatever an object is called."""
     safe = []
     for part in parts:
-        if len(part.encode("utf-8", "surrogatepass")) > _LONGEST:
-            digest = hashlib.sha256(part.encode("utf-8", "surrogatepass")).hexdigest()[:16]
-            part = digest + Path(part).suffix[-20:]
-        safe.append("_" if part in ("", ".", "..") else part.replace("\0", "_"))
+        encoded = part.encode("utf-8", "surrogatepass")
+        if len(encoded) > _LONGEST or b"\0" in encoded or part in ("", ".", ".."):
+            # Two objects never have one place: each would be read as the other.
+            part = hashlib.sha256(encoded).hexdigest()[:16] + Path(part.replace("\0", "")).suffix[-20:]
+        safe.append(part)
     return Path(*safe)
 
 
@@ -306,7 +324,7 @@ def _entry(system: Any, source: str, about: Mapping[str, Any]) -> Entry:
     if not any(about.get(key) for key in ("ETag", "etag", "md5Hash", *_VERSIONS)):
         about = {**about, **system.info(about["name"])}  # a page of links does not say
     _, *outer = source.split("::")
-    query = source.partition("?")[2] if not outer else ""
+    query = _parted(source)[1] if not outer else ""
     address = "::".join([str(system.unstrip_protocol(about["name"])), *outer])
     etag = str(about.get("ETag") or about.get("etag") or "").strip('"')
     size = about.get("size")

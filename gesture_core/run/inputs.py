@@ -90,7 +90,7 @@ class Input:
     key: bytes = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        where = shown(self.address) or os.path.abspath(self.path)  # noqa: PTH100 - ten times as fast as pathlib
+        where = shown(self.address) if self.address else os.path.abspath(self.path)  # noqa: PTH100 - ten times as fast as pathlib
         place = os.fsencode(where)
         object.__setattr__(self, "key", place + b"\0" + self.member.encode("utf-8", "surrogatepass"))
 
@@ -163,7 +163,7 @@ def discover(
         else:
             before, items = walk.passed, list(walk.source(Path(local_path(text))))
         if not items and walk.passed == before:
-            empty.append(printable(os.fspath(source)))
+            empty.append(shown(text))
         for item in items:
             known = found.setdefault(item.key, item)
             if known.label and item.label and known.label != item.label:
@@ -171,6 +171,13 @@ def discover(
                     f"is listed as {known.label} and as {item.label}",
                     subject=item.name,
                     remedy="one line for it in the manifest",
+                    code="E_CONTRADICTION",
+                )
+            if item.readable and known.address != item.address:
+                raise InputError(
+                    "is listed with two queries, and a query is not kept",
+                    subject=item.name,
+                    remedy="addresses that differ before the ?",
                     code="E_CONTRADICTION",
                 )
     if found and all(item.code == "E_NOT_FOUND" for item in found.values()):
@@ -189,14 +196,14 @@ def discover_readable(
     if not found:
         raise InputError(
             "holds no video or keypoint file",
-            subject=", ".join(map(str, sources)),
+            subject=", ".join(shown(os.fspath(source)) for source in sources),
             remedy="another path",
             code="E_EMPTY",
         )
     if others := [item.name for item in every if item.kind == "other"]:
-        shown = ", ".join(others[:_NAMED]) + (", …" if others[_NAMED:] else "")
+        some = ", ".join(others[:_NAMED]) + (", …" if others[_NAMED:] else "")
         count = f"{len(others)} file{'s' if others[1:] else ''}"
-        warnings.warn(f"left out as neither video nor keypoints: {count}, {shown}", stacklevel=3)
+        warnings.warn(f"left out as neither video nor keypoints: {count}, {some}", stacklevel=3)
     return found
 
 

@@ -21,7 +21,7 @@ from gesture_core.errors import Code, ConfigError, GestureError, InputError, Key
 from gesture_core.files import switched_on
 from gesture_core.pose.models import described
 from gesture_core.records import Job, Row, encoded
-from gesture_core.run.addresses import local_path
+from gesture_core.run.addresses import drop, local_path
 from gesture_core.run.extract import Listener, OpenEngine
 from gesture_core.run.inputs import Input
 from gesture_core.run.labels import label_folders, word
@@ -139,6 +139,9 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
                 plan.files.sweep()  # of what has turned out to be unreadable
             if run.frames:
                 prune(keypoint_store(), request.settings.limits.cache)
+        for item in plan.inputs:
+            if item.address:  # what was fetched to see whose it is, and had nothing left to do
+                drop(item.path)
         failed = tuple(results.rows("example"))
         names = {row.input for row in failed}
         labels = [item.label for item in plan.examples if item.name not in names]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -25,7 +27,6 @@ from gesture_core.run.fingerprint import (
 from gesture_core.run.inputs import COMPANIONS, FRAMES, PICTURE_SUFFIXES, Input, discover
 from gesture_core.run.labels import label_inputs
 from gesture_core.run.results import Results
-from gesture_core.run.shards import Shard, check_same_shard, part_of
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
 
@@ -112,7 +113,11 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         A source, setting, plugin or model that cannot be used, or a run folder made with other
         settings (E_CONFIG_CHANGED). The results are as they were.
     """
-    settings, shard = request.settings, Shard.parse(request.shard)
+    settings, shard = request.settings, None
+    if request.shard:
+        from gesture_core.run.shards import Shard
+
+        shard = Shard.parse(request.shard)
     registry().load("engine", request.engine)
     found = discover(request.sources, avoid=request.out, assistant=assistant)
     if not found:
@@ -141,7 +146,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     configuration = run_configuration(settings, identity, examples, kernel, request.spot)
     configuration, changed = _compared(results, configuration, overwrite=request.overwrite)
     if not request.overwrite:
-        check_same_shard(results, shard)
+        _check_same_shard(results, str(shard or ""))
     again = changed or request.overwrite or switched_on("GESTURE_NO_CACHE")
     files = None
     if not examples:
@@ -161,7 +166,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
     if changed or request.overwrite:
         results.clear()
     mark = fingerprint(configuration)
-    part = part_of(shard, found, inputs)
+    part = _part(str(shard or ""), found, inputs)
     results.set({"configuration": configuration, "fingerprint": mark, "part": part})
     gone = _gone(results, found, request.sources)
     results.forget(gone)
@@ -276,6 +281,32 @@ def _compared(
             code="E_CONFIG_CHANGED",
         )
     return configuration, True
+
+
+def _part(shard: str, found: Sequence[Input], inputs: Sequence[Input]) -> dict[str, Any]:
+    """What a run folder is merged by: its shard, the number of its inputs, and a hash of all names."""
+    names = hashlib.sha256()
+    for name in sorted(item.name for item in found):
+        names.update(name.encode("utf-8", "surrogatepass") + b"\0")
+    return {
+        "shard": shard,
+        "inputs": len(inputs),
+        "found": len(found),
+        "names": names.hexdigest()[:16],
+    }
+
+
+def _check_same_shard(results: Results, shard: str) -> None:
+    """Raise ``E_CONFIG_CHANGED`` where the run folder has rows, of another shard."""
+    before = json.loads(results.get("part") or "{}").get("shard", "")
+    if before != shard and results.counts():
+        raise ConfigError(
+            f"holds {f'shard {before}' if before else 'a run without --shard'}",
+            subject=str(results.path.parent),
+            kept="its rows",
+            remedy="another --out for each shard",
+            code="E_CONFIG_CHANGED",
+        )
 
 
 def _gone(results: Results, inputs: Sequence[Input], sources: Sequence[str]) -> list[bytes]:

@@ -20,6 +20,7 @@ from gesture_core.classify.comparison import compare
 from gesture_core.errors import InputError, RunFolderError
 from gesture_core.files import replacing
 from gesture_core.records import Row
+from gesture_core.run.addresses import fetch, look
 from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.found_again import find_inputs
 from gesture_core.run.inputs import Input
@@ -57,9 +58,9 @@ class Answered:
     label: str | None
 
     @property
-    def place(self) -> Path:
-        """Where the input is."""
-        return Path(os.fsdecode(self.key.partition(b"\0")[0]))
+    def place(self) -> str:
+        """Where the input is: a path or an address."""
+        return os.fsdecode(self.key.partition(b"\0")[0])
 
     @property
     def member(self) -> str:
@@ -173,7 +174,7 @@ def write_answers(answered: Sequence[Answered], path: Path) -> Path:
         table = csv.writer(file)
         table.writerow(("path", "label", "input", "person", "start", "end", "recognised_as", "status"))
         for one in answered:
-            name = os.fspath(one.place) + (f"::{one.member}" if one.member else "")
+            name = one.place + (f"::{one.member}" if one.member else "")
             row, times = one.row, ("", "")
             if row.event:
                 times = (f"{row.start:.3f}", f"{row.end:.3f}")
@@ -244,7 +245,11 @@ def add_corrections(
         rows = {key: row for key, row in results.keyed_rows() if not row.person}
     if recognizer is None:
         raise RunFolderError(
-            "holds no fitted examples", subject=str(run), remedy="gesture classify once more", code="E_NO_RUN"
+            "holds no fitted examples",
+            subject=str(run),
+            kept="the answers",
+            remedy="gesture classify once more, with --overwrite (keypoints and answers are kept)",
+            code="E_NO_RUN",
         )
     keys = {row.input: key for key, row in rows.items() if row.distance is not None}
     places = {name: os.fsdecode(key.partition(b"\0")[0]) for name, key in keys.items()}
@@ -337,6 +342,8 @@ def _reason(one: Answered) -> str:
 def _copy(item: Input, folder: Path) -> Path:
     """A copy of an input in a folder of examples: the same bytes on disk where that can be."""
     folder.mkdir(parents=True, exist_ok=True)
+    if item.address:  # it was deleted when its keypoints had been read
+        fetch(look(item.address), item.path)
     number, target = 1, folder / item.path.name
     while target.exists():
         if target.is_file() and item.path.is_file() and target.samefile(item.path):

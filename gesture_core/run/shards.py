@@ -56,32 +56,6 @@ class Shard:
         return int.from_bytes(digest[:8]) % self.count == self.number - 1
 
 
-def part_of(shard: Shard | None, found: Sequence[Input], inputs: Sequence[Input]) -> dict[str, Any]:
-    """What a run folder is merged by: its shard, the number of its inputs, and a hash of all names."""
-    names = hashlib.sha256()
-    for name in sorted(item.name for item in found):
-        names.update(name.encode("utf-8", "surrogatepass") + b"\0")
-    return {
-        "shard": str(shard or ""),
-        "inputs": len(inputs),
-        "found": len(found),
-        "names": names.hexdigest()[:16],
-    }
-
-
-def check_same_shard(results: Results, shard: Shard | None) -> None:
-    """Raise ``E_CONFIG_CHANGED`` where the run folder has rows, of another shard."""
-    before = json.loads(results.get("part") or "{}").get("shard", "")
-    if before != str(shard or "") and results.counts():
-        raise ConfigError(
-            f"holds {f'shard {before}' if before else 'a run without --shard'}",
-            subject=str(results.path.parent),
-            kept="its rows",
-            remedy="another --out for each shard",
-            code="E_CONFIG_CHANGED",
-        )
-
-
 @dataclass(frozen=True)
 class Merged:
     """What came of `merge_runs`.
@@ -229,7 +203,11 @@ def _copy_keypoints(runs: Sequence[Path], opened: Sequence[Results], out: Path) 
     """Copy the keypoint files of extractions, as far as they are not there yet."""
     origin: dict[str, Path] = {}
     for run, results in zip(runs, opened, strict=True):
-        for name in set(results.published().values()):
+        published, done = results.published(), results.with_keypoints()
+        needed = {name for key, name in published.items() if key in done}
+        for name in set(published.values()):
+            if Path(name).is_absolute() or ".." in Path(name).parts:  # the file of another machine says so
+                raise RunFolderError(f"names a file {name!r}", subject=str(run), code="E_RUN_DAMAGED")
             if (other := origin.setdefault(name, run)) is not run:
                 raise ConfigError(
                     f"both have a keypoint file {name}",
@@ -238,6 +216,16 @@ def _copy_keypoints(runs: Sequence[Path], opened: Sequence[Results], out: Path) 
                     code="E_MERGE",
                 )
             source, target = run / "keypoints" / name, out / "keypoints" / name
+            if not source.is_file():  # a run that was ended has said that it will be there
+                if name not in needed:
+                    continue
+                raise RunFolderError(
+                    f"lacks the keypoint file {name}",
+                    subject=str(run),
+                    kept="all runs",
+                    remedy="its command again, which writes it",
+                    code="E_RUN_DAMAGED",
+                )
             facts = source.stat()
             if target.is_file() and (target.stat().st_size, target.stat().st_mtime_ns) == (
                 facts.st_size, facts.st_mtime_ns,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -182,3 +183,22 @@ def test_axe_finds_nothing_serious(opened: Any, width: int, scheme: str, tmp_pat
         if one["impact"] in ("serious", "critical")
     ]
     assert serious == []
+
+
+def test_it_prints_in_light_colours_and_with_every_row(opened: Any, page: Path) -> None:
+    resize(opened, 1000, scheme="dark")
+    features = [{"name": "prefers-color-scheme", "value": "dark"}]
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print", "features": features})
+    try:
+        style = (
+            "const style = getComputedStyle(document.querySelector(arguments[0])); return style[arguments[1]]"
+        )
+        assert opened.execute_script(style, "html", "colorScheme") == "light"
+        ground, ink = (opened.execute_script(style, "body", name) for name in ("backgroundColor", "color"))
+        assert ground == "rgb(255, 255, 255)" and max(map(int, re.findall(r"\d+", ink)[:3])) < 100
+        assert opened.execute_script(style, ".filters", "display") == "none"
+        opened.execute_script("dispatchEvent(new Event('beforeprint'))")
+        assert len(opened.execute_script(NAMES)) == len(rows_of(page))
+    finally:
+        opened.execute_script("dispatchEvent(new Event('afterprint'))")
+        opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})

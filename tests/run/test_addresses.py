@@ -13,12 +13,14 @@ from typing import Any
 import pytest
 from troubles import write_clip
 
-from gesture_core import classify_archive, explain
-from gesture_core.errors import GestureError, InputError, MissingDependencyError
+from gesture_core import classify_archive, explain, load_poses
+from gesture_core.errors import GestureError, InputError, MissingDependencyError, RunFolderError
 from gesture_core.files import cache_dir
 from gesture_core.run import addresses
 from gesture_core.run.addresses import entries, fetch, local_path, look, sha256_of, shown
+from gesture_core.run.inputs import discover
 from gesture_core.run.pipeline import RunSummary
+from gesture_core.run.review import Answers, add_corrections, write_answers
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: pip install 'gesture-core[s3]'")
 SECRET = "hunter2"
@@ -76,6 +78,8 @@ def test_an_archive_in_memory_is_that_of_a_folder(folder: Path, memory: Any) -> 
     assert not [file for file in (cache_dir() / "fetched").rglob("*") if file.is_file()]
     again = classify("memory://videos", "memory://examples", folder / "far")
     assert again.done_now == 0 and results(again) == results(expected)
+    left = [file for file in (cache_dir() / "fetched").rglob("*.npz") if "videos" in str(file)]
+    assert not left and not list((cache_dir() / "fetched").rglob("day*"))
 
 
 def test_what_is_replaced_is_done_again_and_what_is_gone_goes(folder: Path, memory: Any) -> None:
@@ -104,8 +108,76 @@ def test_a_zip_file_is_a_folder(folder: Path, pattern: str) -> None:
     assert explain(folder / "far", name).explanation.nearest.label == "left"
 
 
+def test_every_letter_may_be_in_a_name(folder: Path, memory: Any) -> None:
+    clip = (folder / "videos" / "day0" / "left.npz").read_bytes()
+    names = ("day0/what?1.npz", "day0/what?2.npz", "me@home/a.npz")
+    with zipfile.ZipFile(folder / "archive.zip", "w") as archive:
+        for name in names:
+            archive.writestr(name, clip)
+            memory.pipe(f"/odd/{name}", clip)
+    address = f"zip://::file://{folder / 'archive.zip'}"
+    summary = classify(address, folder / "examples", folder / "run")
+    assert [row.input.partition("::")[0] for row in summary.rows()] == [f"zip://{name}" for name in names]
+    assert {row.label for row in summary.rows()} == {"left"}
+    of_one = f"zip://me@home::file://{folder / 'archive.zip'}"
+    assert len(classify(of_one, folder / "examples", folder / "one").rows()) == 1
+    summary = classify("memory://od*/day?/*.npz", folder / "examples", folder / "far")
+    assert [row.status for row in summary.rows()] == ["ok", "ok"]
+
+
+def test_a_name_that_is_an_object_and_a_folder_hides_nothing(memory: Any) -> None:
+    found = [
+        {"name": "/both", "type": "file", "size": 1, "created": 1},
+        {"name": "/both", "type": "directory", "size": 0},
+    ]
+
+    class Both(type(memory)):  # type: ignore[misc]
+        def ls(self, path: str, detail: bool = True, **_: Any) -> list[dict[str, Any]]:
+            inside = [{"name": "/both/x.npz", "type": "file", "size": 1, "created": 1}]
+            return inside if path.strip("/") else found
+
+        def info(self, path: str, **_: Any) -> dict[str, Any]:
+            return {"name": path, "type": "directory"}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(addresses, "_open", lambda address: (Both(), "/"))
+        assert [entry.address for _, entry in entries("memory://")] == [
+            "memory:///both", "memory:///both/x.npz"
+        ]  # fmt: skip
+
+
+def test_two_queries_are_not_one_input(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def listed(source: str) -> Any:
+        yield tmp_path / "get.mp4", addresses.Entry(source, 1, "1", "")
+
+    monkeypatch.setattr("gesture_core.run.inputs.entries", listed)
+    pair = ["https://x.org/get.mp4?id=1", "https://x.org/get.mp4?id=2"]
+    assert len(discover([pair[0], pair[0]])) == 1
+    with pytest.raises(InputError, match="listed with two queries"):
+        discover(pair)
+
+
+def test_a_corrected_clip_of_a_zip_file_becomes_an_example(folder: Path) -> None:
+    with zipfile.ZipFile(folder / "archive.zip", "w") as archive:
+        for file in sorted((folder / "videos").rglob("*.npz")):
+            archive.write(file, file.relative_to(folder))
+    address = f"zip://::file://{folder / 'archive.zip'}"
+    classify(address, folder / "examples", folder / "run")
+    with Answers(folder / "run") as answers:
+        for place, (_, row) in enumerate(answers.rows):
+            answers.give(place, "left" if row.label == "right" else "right")
+        table = write_answers(answers.answered(), folder / "answers.csv").read_text("utf-8")
+    assert f"zip://videos/day0/left.npz::file://{folder / 'archive.zip'},right" in table
+    (folder / "run" / "run.fitted").unlink()  # as after a run of an earlier version
+    with pytest.raises(RunFolderError, match="with --overwrite"):
+        add_corrections(folder / "run", folder / "more")
+    classify(address, folder / "examples", folder / "run", overwrite=True)
+    added = add_corrections(folder / "run", folder / "more").added
+    assert added and all(path.stat().st_size for path in added)
+
+
 def test_an_address_with_a_password_is_refused_and_a_signature_is_never_kept(
-    folder: Path, memory: Any, capsys: pytest.CaptureFixture[str]
+    folder: Path, memory: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(InputError, match="holds a name or password") as caught:
         list(entries(f"s3://me:{SECRET}@bucket/videos"))
@@ -114,6 +186,14 @@ def test_an_address_with_a_password_is_refused_and_a_signature_is_never_kept(
     assert shown("videos/clip?.mp4") == "videos/clip?.mp4"
     error = addresses._failed(f"https://x.org/a?sig={SECRET}", OSError(f"GET /a?sig={SECRET} failed"))
     assert SECRET not in str(error)
+    error = addresses._failed("https://x.org/a", OSError(f"403, url='https://y.org/b?sig={SECRET}&c=1'"))
+    assert SECRET not in str(error) and "https://y.org/b" in str(error)
+    monkeypatch.setattr("gesture_core.run.inputs.entries", lambda source: iter(()))
+    with pytest.raises(InputError) as empty:
+        load_poses(f"https://x.org/a/?sig={SECRET}")
+    assert SECRET not in str(empty.value)
+    with pytest.warns(UserWarning, match="holds nothing to read: https://x.org/a/$"):
+        discover([folder / "videos", f"https://x.org/a/?sig={SECRET}"])
     item = next(iter(entries("memory://videos")))[1]
     assert SECRET not in repr(addresses.Entry(shown(item.address), 1, "", ""))
 
@@ -211,6 +291,7 @@ def test_no_name_leads_out_of_the_folder(tmp_path: Path) -> None:
     for parts in (["..", "..", "etc", "passwd"], [".", "a"], ["", "b"], ["x" * 300 + ".mp4"]):
         place = addresses._safe(parts)
         assert ".." not in place.parts and not place.is_absolute() and len(place.name) < 250
+    assert addresses._safe(["..", "a"]) != addresses._safe(["_", "a"]) != addresses._safe([".", "a"])
     assert local_path("videos/") == "videos/" and local_path("file:///a/b%20c") == "/a/b c"
     shutil.rmtree(tmp_path, ignore_errors=True)
 

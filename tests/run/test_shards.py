@@ -58,6 +58,13 @@ def shards_of(archive: Path, kind: str, out: Path, count: int = COUNT) -> list[P
     return runs
 
 
+def edit(run: Path, query: str) -> None:
+    db = sqlite3.connect(run / "run.db")
+    db.execute(query)
+    db.commit()
+    db.close()
+
+
 def exported(run: Path, format: str = "csv") -> bytes:
     assert gesture(["export", str(run), "--format", format]) == 0
     return (run / f"results.{format}").read_bytes()
@@ -122,13 +129,29 @@ def test_what_is_missing_is_said_and_merged_later(
 
 def test_a_shard_that_has_not_ended_is_said(runs: list[Path], tmp_path: Path) -> None:
     shutil.copytree(runs[0], tmp_path / "killed")
-    db = sqlite3.connect(tmp_path / "killed" / "run.db")
-    db.execute("DELETE FROM rows WHERE input = (SELECT MIN(input) FROM rows)")
-    db.commit()
-    db.close()
+    edit(tmp_path / "killed", "DELETE FROM rows WHERE input = (SELECT MIN(input) FROM rows)")
     merged = merge_runs([tmp_path / "killed", *runs[1:]], tmp_path / "run")
     (have, planned) = merged.unfinished[str(tmp_path / "killed")]
     assert (planned - have, merged.exit_code) == (1, 3)
+
+
+def test_a_keypoint_file_that_is_not_there_yet_is_missed_only_by_its_row(
+    archive: Path, tmp_path: Path
+) -> None:
+    (run,) = shards_of(archive, "extract", tmp_path, 1)
+    next((run / "keypoints").rglob("3.npz.parquet")).unlink()
+    with pytest.raises(RunFolderError, match=r"lacks the keypoint file 0/3\.npz\.parquet; kept"):
+        merge_runs([run], tmp_path / "out")
+    # Ended between the name of the file and the file: there is no row either.
+    edit(run, "DELETE FROM rows WHERE input LIKE '%/3.npz'")
+    merged = merge_runs([run], tmp_path / "out")
+    assert (merged.exit_code, len(merged.unfinished)) == (3, 1)
+    assert command(archive, "extract", tmp_path / "out") == 3
+    assert len(list((tmp_path / "out" / "keypoints").rglob("*.parquet"))) == 12
+    (tmp_path / "other.parquet").write_bytes(b"x")
+    edit(run, "UPDATE published SET file = '../../other.parquet' WHERE rowid = 1")
+    with pytest.raises(RunFolderError, match=r"names a file '\.\./\.\./other"):
+        merge_runs([run], tmp_path / "deep" / "out")
 
 
 def contradictions(archive: Path, runs: list[Path], folder: Path) -> dict[str, tuple[list[Path], str]]:
@@ -225,6 +248,26 @@ def shell_parts() -> dict[str, str]:
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+@pytest.mark.parametrize("system", ["slurm", "kubernetes"])
+def test_the_jobs_of_the_documentation_give_each_task_its_shard(tmp_path: Path, system: str) -> None:
+    """A sample of the slow test below: the shells alone, with a command that only notes how it is called."""
+    script, notes = shell_parts()[system], tmp_path / "notes"
+    command = tmp_path / "bin" / "gesture"
+    command.parent.mkdir()
+    command.write_text(f'#!/bin/sh\necho "$@" >> "{notes}"\n')
+    command.chmod(0o755)
+    for index in range(2):
+        variables = {
+            "SLURM_ARRAY_TASK_ID": str(index + 1), "SLURM_ARRAY_TASK_COUNT": "16",
+            "JOB_COMPLETION_INDEX": str(index), "PATH": f"{command.parent}:{os.environ['PATH']}",
+        }  # fmt: skip
+        subprocess.run(["bash", "-c", script], env=os.environ | variables, cwd=tmp_path, check=True)
+    found = re.findall(r"--shard (\S+)", notes.read_text())
+    assert found == ["1/16", "2/16"]
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["slurm", "kubernetes"])
 def test_the_jobs_of_the_documentation_run_in_plain_shells(
     archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, system: str
