@@ -29,6 +29,9 @@ _PER_SECOND = {
 _SLOWEST = 60.0
 """Seconds from sample to sample: a movement is over by then, or these are no seconds."""
 
+_LATEST = 1e11
+"""Seconds of a date: the year 5138."""
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:
@@ -181,6 +184,13 @@ def time_scale(name: str) -> float | None:
 def seconds(values: np.ndarray, per_second: float, source: str) -> np.ndarray:
     """Times in seconds since the first; E_SIGNAL_TIMES where they can be none."""
     times = np.asarray(values, np.float64)
+    if len(times) and abs(float(times[0]) / per_second) > _LATEST:
+        raise SignalError(
+            f"its times begin at {times[0] / per_second:g} s, which is no date: they are of another unit",
+            subject=source,
+            remedy="the unit in the name of the column of times, such as time_ms",
+            code="E_SIGNAL_TIMES",
+        )
     times = (times - times[0]) / per_second if len(times) else times
     usual = float(np.median(np.abs(np.diff(times)))) if len(times) > 1 else 0.0
     if usual > _SLOWEST:

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gesture_core.errors import GestureError
+from gesture_core.errors import GestureError, PoseError
+from gesture_core.plugin.abilities import NeedsDepth
 from gesture_core.signals.chain import Chain
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence, Signals
@@ -56,6 +57,14 @@ class LiveSignals:
     def push(self, pose: PoseSequence) -> Iterator[Signals | None]:
         """New signals after each frame of ``pose`` that brings any; None where the person was lost."""
         pose = pose.onto(self._chain.skeleton)
+        flat = pose.keypoints.shape[2] == 2 and bool(pose.seen.any())
+        if flat and isinstance(self._chain.normalizer, NeedsDepth):
+            raise PoseError(
+                "has no depth, and the settings compare in space",
+                subject=pose.source,
+                remedy="a network that knows depth, such as blazepose, or another --preset",
+                code="E_POSE_SCALE",
+            )
         for place in range(len(pose)):
             one = slice(place, place + 1)
             now, seen = float(pose.times[place]), bool(pose.seen[place].any())
@@ -65,10 +74,15 @@ class LiveSignals:
                 self.clear()
             if not seen and len(self.pose) == 0:
                 continue
+            if len(self.pose) == 0:
+                self.pose = pose.part(slice(0))  # in the plane, or in space
             kept = slice(int(np.searchsorted(self.pose.times, now - MEMORY)), None)
+            points = pose.keypoints[one]
+            if not seen:  # a network says nothing then, of depth either
+                points = np.full((1, *self.pose.keypoints.shape[1:]), np.nan, np.float32)
             self.pose = replace(
                 pose,
-                keypoints=np.concatenate([self.pose.keypoints[kept], pose.keypoints[one]]),
+                keypoints=np.concatenate([self.pose.keypoints[kept], points]),
                 scores=np.concatenate([self.pose.scores[kept], pose.scores[one]]),
                 times=np.concatenate([self.pose.times[kept], pose.times[one]]),
                 depth=None,

@@ -232,7 +232,7 @@ class Spotter:
         patience = LIVE_PATIENCE if patience is None else patience
         found: list[Candidate] = []
         recent = self._live
-        for part in self._live.push(pose):
+        for part in self._live.push(pose.solid if self._settings.keypoints.depth else pose):
             if part is None:  # the person was lost
                 found += self._going.finish() if self._going else []
                 self._going = None

@@ -18,6 +18,8 @@ _MOST_BYTES = 256 << 20
 _PNG = b"\x89PNG\r\n\x1a\n"
 _FRAMES = frozenset((*range(0xC0, 0xD0),)) - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG after which width and height stand."""
+_ALONE = frozenset((0x00, 0x01, *range(0xD0, 0xDA)))
+"""Markers without a length, and the first pixels: no picture has one before its size."""
 _CODES = ("E_MEDIA_MISSING", "E_MEDIA_UNREADABLE", "E_MEDIA_LIMIT")
 
 
@@ -84,6 +86,8 @@ def _size(data: bytes) -> tuple[int, int] | None:
     place = 2 if data.startswith(b"\xff\xd8\xff") else len(data)
     while place + 9 <= len(data) and data[place] == 0xFF:
         marker, length = data[place + 1], int.from_bytes(data[place + 2 : place + 4], "big")
+        if marker in _ALONE:  # behind such a one the length would be that of something else
+            return None
         if marker in _FRAMES:
             high, wide = data[place + 5 : place + 7], data[place + 7 : place + 9]
             return int.from_bytes(wide, "big"), int.from_bytes(high, "big")

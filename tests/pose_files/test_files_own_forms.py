@@ -334,3 +334,51 @@ def test_a_file_of_another_kind_among_frames_is_not_dropped(tmp_path: Path) -> N
     (tmp_path / "notes.md").write_text("# of the recording")
     found = {item.path.name: item.kind for item in discover([tmp_path])}
     assert found == {tmp_path.name: "keypoints", "clip.xlsx": "other"}
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        {"columns": ["nose_x"], "data": [1, 2, 3]},
+        {"9" * 5000: {}, "2": {}},
+        {"nose_x": {"9" * 5000: 1}, "nose_y": {"0": 1}},
+        {"1": {"nose_x": 1}, "01": {"nose_x": 2}},
+    ],
+)
+def test_odd_trees_are_no_clips(tmp_path: Path, tree: Any) -> None:
+    path = tmp_path / "clip.json"
+    path.write_text(json.dumps(tree))
+    assert not JsonTableReader().accepts(path)
+
+
+def test_what_the_variables_of_matlab_unpack_to_is_limited_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "clip.mat"
+    scipy.io.savemat(path, {f"a{n}": np.zeros((1000, 100)) for n in range(4)}, do_compression=True)
+    monkeypatch.setattr("gesture_pose_files.mat5.MAX_LIST_BYTES", 2_000_000)
+    with pytest.raises(KeypointError) as caught:
+        MatlabReader().read(path)
+    assert caught.value.code == "E_KEYPOINTS_LIMIT"
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".feather"])
+@pytest.mark.parametrize("what", ["lists", "texts"])
+def test_what_a_table_unpacks_to_is_known_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, what: str
+) -> None:
+    import pyarrow as pa
+    import pyarrow.feather
+    import pyarrow.parquet
+
+    path = tmp_path / f"clip{suffix}"
+    more = [np.zeros(500_000)] * 3 if what == "lists" else ["x" * 1_000_000] * 3
+    table = pa.table({name: [1.0, 2.0, 3.0] for name in NAMES} | {"more": more})
+    if suffix == ".parquet":
+        pa.parquet.write_table(table, path)
+    else:
+        pa.feather.write_feather(table, path, compression="zstd")
+    monkeypatch.setattr("gesture_pose_files.arrow_table.MAX_ARRAY_BYTES", 2_000_000)
+    with pytest.raises(KeypointError) as caught:
+        ArrowTableReader().read(path)
+    assert caught.value.code == "E_KEYPOINTS_LIMIT"

@@ -67,6 +67,8 @@ def test_dates_and_columns_of_other_names_are_times(tmp_path: Path) -> None:
     one = read(written(tmp_path, text), time="when")
     np.testing.assert_allclose(one.times, [0, 0.25, 0.5], atol=1e-6)
     assert one.channels == ("force",)
+    zoned = read(written(tmp_path, "time,a\n2024-05-01T12:00:00+02:00,1\n2024-05-01T10:00:01Z,2\n"))
+    np.testing.assert_allclose(zoned.times, [0, 1], atol=1e-6)
     ticks = read(written(tmp_path, "n,force\n0,1\n100,2\n200,4\n"), time="n", per_second=1000.0)
     np.testing.assert_allclose(ticks.times, [0, 0.1, 0.2])
 
@@ -76,6 +78,7 @@ def test_dates_and_columns_of_other_names_are_times(tmp_path: Path) -> None:
     [
         ("time,a\n0,1\n0.1,2\n0.05,3\n", "E_SIGNAL_TIMES", "time runs backwards after sample 2"),
         ("time,a\n0,1\n1000,2\n2000,3\n", "E_SIGNAL_TIMES", "time_ms"),
+        ("timestamp,a\n1714564800000,1\n1714564800010,2\n", "E_SIGNAL_TIMES", "time_ms"),
         ("time,a\n0,1\n,2\n0.2,3\n", "E_KEYPOINTS_TIMES", "no time in row 2"),
         ("time,a\n0,1\n0.1,two\n", "E_KEYPOINTS_FORMAT", "'two' is no number"),
         ("time,a\n0,1\n0.1,inf\n", "E_SIGNAL_VALUE", "infinity"),

@@ -62,3 +62,14 @@ def test_a_folder_of_pictures_has_a_row_for_each(drawn: DemoArchive, tmp_path: P
     others = classify_archive(tmp_path / "pictures", drawn.examples, None, engine="inline", pose__rate=3.0)
     assert {row.status for row in others.rows()} == {"skipped"}
     assert "--preset pose" in others.rows()[0].message
+
+
+def test_the_size_of_a_picture_is_not_looked_for_behind_a_marker_that_hides_it(tmp_path: Path) -> None:
+    whole = cv2.imencode(".jpg", np.zeros((64, 48, 3), np.uint8))[1].tobytes()
+    hidden = whole[:2] + b"\xff\xd0" + whole[2:]
+    place = 4 + int.from_bytes(hidden[4:6], "big")  # where a reader looks next that takes the length for one
+    data = hidden.ljust(place, b"\0") + b"\xff\xc0\x00\x0b\x08\x00\x01\x00\x01" + bytes(10)
+    (tmp_path / "a.jpg").write_bytes(data)
+    with pytest.raises(MediaError) as caught:
+        open_video(tmp_path / "a.jpg", limits=VideoLimits(max_pixels=100), rates=STILLS)
+    assert caught.value.code == "E_MEDIA_FORMAT"

@@ -14,7 +14,7 @@ from streams import examples_of, strung
 
 from gesture_core import Spotter, load_poses, load_settings
 from gesture_core.demo.archive import DemoArchive
-from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
 from gesture_core.spot.candidates import Candidate
 from gesture_core.spot.signals import part_of, spans, stream_chain
 from gesture_core.spot.spotter import EventSearch
@@ -159,3 +159,19 @@ def test_a_lost_person_begins_a_new_stream(
     parts = list(spans(replace(pose, keypoints=points), 1.0))
     assert [round(float(part.times[0])) for part in parts] == [0, 3] or len(parts) == 2
     assert sum(map(len, parts)) == len(pose) - int(lost.sum())
+
+
+def test_a_stream_keeps_the_depth_that_its_network_gives(drawn: DemoArchive) -> None:
+    poses, labels = examples_of(drawn)
+    pose = replace(
+        poses[0], keypoints=poses[0].keypoints.copy(), depth=20 * np.sin(poses[0].keypoints[..., 0])
+    )
+    spotter = Spotter([pose.solid], labels[:1], "depth", live=True)
+    nobody = replace(poses[0].part(slice(5)), keypoints=np.full((5, 18, 2), np.nan))
+    for part in (nobody, pose, replace(nobody, times=pose.times[-1] + 0.05 + nobody.times)):
+        spotter.push(part)
+    live = spotter._live
+    assert live is not None and live.pose.keypoints.shape[2] == 3
+    assert np.nanmax(live.pose.keypoints[..., 2]) > 0
+    with pytest.raises(PoseError, match="no depth"):
+        spotter.push(replace(poses[0], times=poses[0].times + 100))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ _OWN = b"gesture_core"
 """In the metadata of the files of `gesture extract`, which have a reader of their own."""
 _MAGIC = {".parquet": b"PAR1", ".feather": b"ARROW1", ".arrow": b"ARROW1"}
 _MAX_ROWS = 64 * MAX_FRAMES
+_BATCH = 256
+"""Rows of Parquet that are unpacked at once: one may be a long text."""
 
 
 class ArrowTableReader(JsonTableReader):
@@ -46,27 +49,22 @@ class ArrowTableReader(JsonTableReader):
 
     def _tree(self, path: Path) -> Any:
         import pyarrow as pa
-        import pyarrow.feather
         import pyarrow.parquet
 
         with open_keypoints(path, MAX_CSV_BYTES) as file:
             try:
                 if path.suffix.lower() == ".parquet":
                     opened = pa.parquet.ParquetFile(file)
-                    about = opened.metadata
                     if _OWN in (opened.schema_arrow.metadata or {}):
                         raise KeypointError("is of gesture extract", code="E_KEYPOINTS_FORMAT")
-                    groups = range(about.num_row_groups)
-                    size = sum(about.row_group(group).total_byte_size for group in groups)
-                    if about.num_rows > _MAX_ROWS or size > MAX_ARRAY_BYTES:
-                        raise KeypointError(
-                            f"claims {about.num_rows} rows of {size} bytes, more than is allowed",
-                            subject=printable(path),
-                            remedy="split it",
-                            code="E_KEYPOINTS_LIMIT",
-                        )
-                    return opened.read().to_pylist()
-                return pa.feather.read_table(file, memory_map=False).to_pylist()
+                    size, values = size_of(opened.metadata)
+                    if opened.metadata.num_rows > _MAX_ROWS or max(size, 8 * values) > MAX_ARRAY_BYTES:
+                        raise _too_large(path)
+                    return _rows(opened.iter_batches(_BATCH), path)
+                stored = pa.ipc.open_file(file)
+                return _rows(map(stored.get_batch, range(stored.num_record_batches)), path)
+            except MemoryError as error:
+                raise _too_large(path) from error
             except (pa.ArrowException, OSError, ValueError, TypeError) as error:
                 raise KeypointError(
                     f"is damaged: {str(error).splitlines()[0] if str(error) else type(error).__name__}",
@@ -74,3 +72,30 @@ class ArrowTableReader(JsonTableReader):
                     remedy=COPY_AGAIN,
                     code="E_KEYPOINTS_BROKEN",
                 ) from error
+
+
+def size_of(about: Any) -> tuple[int, int]:
+    """Bytes and values that the metadata of a Parquet file claim: few bytes may be many values."""
+    groups = [about.row_group(number) for number in range(about.num_row_groups)]
+    columns = [group.column(number) for group in groups for number in range(group.num_columns)]
+    return sum(group.total_byte_size for group in groups), sum(column.num_values for column in columns)
+
+
+def _rows(batches: Iterable[Any], path: Path) -> list[Any]:
+    """The rows of a table, of which few are in memory before their size is known."""
+    rows, room = list[Any](), MAX_ARRAY_BYTES
+    for batch in batches:
+        room -= batch.nbytes
+        if room < 0:
+            raise _too_large(path)
+        rows += batch.to_pylist()
+    return rows
+
+
+def _too_large(path: Path) -> KeypointError:
+    return KeypointError(
+        f"holds more than the {MAX_ARRAY_BYTES} bytes allowed",
+        subject=printable(path),
+        remedy="split it",
+        code="E_KEYPOINTS_LIMIT",
+    )

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ _DETECTED = {"bbox", "box", "score", "class", "category_id"}
 _RATES, _SIDES = ("fps", "frame_rate", "framerate"), ("width", "height")
 _VALUES = {2: ("x", "y"), 3: ("x", "y", "score"), 4: ("x", "y", "z", "score")}
 _MEDIAPIPE = 33
+_MOST_DIGITS = 18
+"""Of the number of a frame, so that it fits into 64 bits."""
 
 Record = dict[str, Any]
 
@@ -134,12 +137,13 @@ def _clip(tree: Any) -> _Clip | None:
     if not isinstance(tree, Mapping) or not tree:
         return None
     values = list(tree.values())
-    if isinstance(tree.get("columns"), list) and isinstance(tree.get("data"), list):
-        rows = [dict(zip(map(str, tree["columns"]), row, strict=False)) for row in tree["data"]]
+    columns, data = tree.get("columns"), tree.get("data")
+    if isinstance(columns, list) and isinstance(data, list) and all(isinstance(row, list) for row in data):
+        rows = [dict(zip(map(str, columns), row, strict=False)) for row in data]
         return _Clip(list(enumerate(rows)), {})
-    if all(key.isdecimal() for key in tree) and len(tree) > 1:
-        return _Clip(sorted((int(key), value) for key, value in tree.items()), {})
-    if all(isinstance(value, Mapping) and all(map(str.isdecimal, value)) for value in values):
+    if all(map(_is_number, tree)) and len(tree) > 1:
+        return _Clip(sorted(((int(key), tree[key]) for key in tree), key=itemgetter(0)), {})
+    if all(isinstance(value, Mapping) and all(map(_is_number, value)) for value in values):
         numbers = sorted({int(number) for value in values for number in value})
         return _Clip([(n, {name: tree[name].get(str(n)) for name in tree}) for n in numbers], {})
     lists = len(values) > 1 and all(isinstance(value, list) and len(value) > 1 for value in values)
@@ -152,6 +156,11 @@ def _clip(tree: Any) -> _Clip | None:
         if inside is not None:
             return replace(inside, said={**{k.casefold(): v for k, v in tree.items()}, **inside.said})
     return None
+
+
+def _is_number(key: str) -> bool:
+    """Whether a key is the number of a frame."""
+    return key.isdecimal() and len(key) <= _MOST_DIGITS
 
 
 def _numbered(frame: Mapping[str, Any]) -> bool:

@@ -14,7 +14,7 @@ from math import prod
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_pose_files.files import COPY_AGAIN, MAX_ARRAY_BYTES
+from gesture_pose_files.files import COPY_AGAIN, MAX_LIST_BYTES
 
 _HEADER, _COMPRESSED, _MATRIX = 128, 15, 14
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -47,13 +47,14 @@ def variables_in(data: bytes, source: str) -> dict[str, Variable]:
     """
     try:
         order = {b"IM": "<", b"MI": ">"}[data[126:128]]
-        found = {}
+        found, room = {}, MAX_LIST_BYTES
         for kind, content in _elements(data[_HEADER:], order):
             if kind == _COMPRESSED:
-                unpacked = zlib.decompressobj().decompress(content, MAX_ARRAY_BYTES + (1 << 16))
-                if len(unpacked) > MAX_ARRAY_BYTES:
+                unpacked = zlib.decompressobj().decompress(content, room + 1)
+                room -= len(unpacked)
+                if room < 0:
                     raise KeypointError(
-                        f"unpacks to more than the {MAX_ARRAY_BYTES} bytes allowed",
+                        f"unpacks to more than the {MAX_LIST_BYTES} bytes allowed",
                         subject=source,
                         remedy="split it",
                         code="E_KEYPOINTS_LIMIT",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,13 +14,14 @@ from gesture_core.errors import GestureError, KeypointError
 from gesture_core.files import printable
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.recordings import Recording, dated, grouped, numbered, seconds, time_scale
+from gesture_pose_files.arrow_table import size_of
 from gesture_pose_files.files import COPY_AGAIN, MAX_CSV_BYTES, MAX_FRAMES, head_of, open_keypoints
 from gesture_pose_files.npy import MAX_FILE_BYTES, read_array
 from gesture_pose_files.npz import array_in, members_of, opened
 from gesture_pose_files.reader import clip_called
 from gesture_pose_files.series_archives import Series, is_archive, series_in
 from gesture_pose_files.series_streams import BEGAN, files_of, in_step
-from gesture_pose_files.table import number_in, numbers_of, rows_of, split_header
+from gesture_pose_files.table import number_in, numbers_of, rows_of, seconds_in, split_header
 
 _LOOKED_AT = 20
 _STILL = 10
@@ -278,14 +278,15 @@ class SeriesReader:
             try:
                 parquet = pq.ParquetFile(file)
                 rows, width = parquet.metadata.num_rows, parquet.metadata.num_columns
-                if rows > MAX_FRAMES or rows * width > _MOST_CELLS:
+                if rows > MAX_FRAMES or size_of(parquet.metadata)[1] > _MOST_CELLS:
                     cause = f"holds {rows} rows of {width} columns, more than are read"
                     raise KeypointError(cause, subject=source, remedy="split it", code="E_KEYPOINTS_LIMIT")
-                table = parquet.read()
-                kinds = {name: table.schema.field(name).type for name in table.column_names}
+                schema = parquet.schema_arrow
+                kinds = {name: schema.field(name).type for name in schema.names}
+                table = parquet.read([name for name, kind in kinds.items() if pa.types.is_primitive(kind)])
                 columns: dict[str, np.ndarray] = {}
-                for name, kind in kinds.items():
-                    column = table.column(name)
+                for name in table.column_names:
+                    kind, column = kinds[name], table.column(name)
                     if pa.types.is_timestamp(kind):
                         columns[name] = dated(column.to_numpy())
                     elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind):
@@ -319,10 +320,7 @@ def _odd(values: np.ndarray, channels: Sequence[str]) -> list[str]:
 
 def _dates(cells: Sequence[str], source: str) -> np.ndarray:
     """Seconds of dates as ISO 8601 writes them."""
-    try:
-        times = dated(np.array([cell.strip().rstrip("Z") for cell in cells], "datetime64[ns]"))
-    except ValueError:
-        times = np.full(1, math.nan)
+    times = np.array([seconds_in(cell) for cell in cells], np.float64)
     if np.isnan(times).any():
         raise KeypointError(
             f"its times, such as {cells[0].strip()[:30]!r}, are neither numbers nor dates",
