@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 import sys
 import zipfile
 from collections.abc import Iterator
@@ -81,6 +82,22 @@ def test_an_archive_in_memory_is_that_of_a_folder(folder: Path, memory: Any) -> 
     assert again.done_now == 0 and results(again) == results(expected)
     left = [file for file in (cache_dir() / "fetched").rglob("*.npz") if "videos" in str(file)]
     assert not left and not list((cache_dir() / "fetched").rglob("day*"))
+
+
+def test_a_run_deletes_nothing_that_another_one_reads_and_leaves_nothing(folder: Path) -> None:
+    with zipfile.ZipFile(folder / "archive.zip", "w") as archive:
+        archive.write(folder / "videos" / "day0" / "left.npz", "left.npz")
+    address = f"zip://::file://{folder / 'archive.zip'}"
+    script = (
+        "import sys; from gesture_core.run.addresses import entries, fetch\n"
+        "for path, entry in entries(sys.argv[1]): fetch(entry, path); print(path, path.is_file())"
+    )
+    ((mine, entry),) = entries(address)
+    fetch(entry, mine)
+    done = subprocess.run([sys.executable, "-c", script, address], capture_output=True, text=True, check=True)
+    other, there = done.stdout.split()
+    assert there == "True" and Path(other) != mine and mine.is_file()
+    assert not Path(other).parent.exists()
 
 
 def test_what_is_replaced_is_done_again_and_what_is_gone_goes(folder: Path, memory: Any) -> None:
