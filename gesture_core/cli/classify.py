@@ -66,7 +66,7 @@ def spot(
     *sources: Sources,
     examples: Annotated[tuple[str, ...], SEVERAL],
     out: Path,
-    calibrate: Annotated[tuple[str, ...], SEVERAL] = (),
+    calibrate: Annotated[tuple[str, ...], SEVERAL, UNSAID] = (),
     labels: str = "folder",
     label_columns: Annotated[str, UNSAID] = "",
     flags: Flags | None = None,
@@ -85,7 +85,9 @@ def spot(
     calibrate
         Annotations by which spot.tolerance is chosen: .eaf or .vtt beside a recording of that name, or .csv
         with input, start, end and label. Inputs that are among these recordings are said to be.
-    labels, label_columns
+    labels
+        As in gesture classify.
+    label_columns
         As in gesture classify.
     """
     asked: dict[str, Any] = {"examples": examples, "labels": labels, "label_columns": label_columns}
@@ -185,7 +187,9 @@ def _counted(rows: Iterable[Row], classes: Mapping[str, int]) -> tuple[Counter[s
     """
     labels, right, told = Counter[str](), 0, True
     for row in rows:
-        folder = row.input.partition("::")[0].rpartition("/")[0].rpartition("/")[2]
+        path, _, member = row.input.partition("::")
+        inside = "/" in member and "://" not in row.input  # a series in a file is called label/number
+        folder = (member if inside else path).rpartition("/")[0].rpartition("/")[2]
         labels[row.label or NO_LABEL] += 1
         right += row.label == folder
         told = told and folder in classes

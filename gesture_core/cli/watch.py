@@ -47,7 +47,9 @@ def watch(
     source
         The number of a camera, an address (rtsp://…, http://…), a video or keypoint file, or - for standard
         input: JPEG pictures one after the other, or for each frame a line of JSON with time and keypoints.
-    examples, labels
+    examples
+        As in gesture spot.
+    labels
         As in gesture spot.
     as_live
         Play a file at its own speed, as if it came from a camera.

@@ -7,10 +7,12 @@ never shown or kept.
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import json
 import os
 import re
+import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -37,6 +39,9 @@ _VERSIONS = ("LastModified", "Last-Modified", "last_modified", "updated", "mtime
 _MD5 = re.compile(r"[0-9a-f]{32}")
 _ATTEMPTS = 3
 _LONGEST = 200
+_OWN = os.urandom(4).hex()
+_FOLDERS: set[str] = set()
+"""Of what this process has fetched, which end with it."""
 _QUERY = re.compile(r"(://[^\s'\"?]*)\?[^\s'\"]+")
 
 
@@ -81,15 +86,28 @@ def _parted(part: str) -> tuple[str, str]:
 
 
 def local_path(source: str) -> str:
-    """A source as a path: what a ``file://`` stands for; of an address the folder of what is fetched."""
+    """A source as a path: what a ``file://`` stands for; of an address the folder of what is fetched.
+
+    That is of this process alone: another run of the same archive deletes nothing that this one reads.
+    """
     if not is_address(source):
         return source
     if source.startswith("file://") and "::" not in source:
         from urllib.request import url2pathname
 
         return url2pathname(source.removeprefix("file://"))
-    root = hashlib.sha256(_root(shown(source)).rstrip("/").encode()).hexdigest()[:16]
-    return str(cache_dir() / "fetched" / root)
+    path, *outer = _root(shown(source)).rstrip("/").split("::")
+    above, _, name = path.rstrip("/").rpartition("/")
+    digest = hashlib.sha256("::".join([above, *outer]).encode()).hexdigest()[:16]
+    folder = str(cache_dir() / "fetched" / f"{digest}-{_OWN}")
+    _FOLDERS.add(folder)
+    return str(Path(folder, _safe([name])))  # beside each other as the folders are
+
+
+@atexit.register
+def _leave_nothing() -> None:
+    for folder in _FOLDERS:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _root(address: str) -> str:
@@ -202,7 +220,8 @@ def _read(system: Any, place: str, entry: Entry, path: Path, alive: Callable[[],
 
 def place_for(address: str, path: Path) -> Path:
     """Where a worker fetches an object to: ``path``, if it is there already, else a folder of its own."""
-    digest = hashlib.sha256(shown(address).encode("utf-8", "surrogatepass")).hexdigest()[:16]
+    known = f"{path}\0{shown(address)}"
+    digest = hashlib.sha256(known.encode("utf-8", "surrogatepass")).hexdigest()[:16]
     return path if path.is_file() else cache_dir() / "fetched" / digest / path.name
 
 
@@ -214,12 +233,15 @@ def sha256_of(entry: Entry) -> str:
 
 
 def drop(path: Path) -> None:
-    """Delete what was fetched."""
+    """Delete what was fetched, and the folders that are empty then."""
     for file in (path, path.with_name(f".{path.name}.stamp")):
         with suppress(OSError):
             file.unlink()
     with suppress(OSError):  # others are in it
-        path.parent.rmdir()
+        for folder in path.parents:
+            if folder == cache_dir() / "fetched":
+                break
+            folder.rmdir()
 
 
 def _known(entry: Entry) -> Path:

@@ -265,11 +265,12 @@ class Walk:
                 fault = error.message.removeprefix(f"{error.subject}: ")
                 yield Input(path, kind="broken", code=error.code, fault=fault, **about)
                 continue
-            for item in self._file(path):
+            found = list(self._file(path))
+            for item in found:
                 name = about["name"] + (f"::{printable(item.member)}" if item.member else "")
                 yield replace(item, name=name, address=entry.address, stamp=entry.stamp)
             self._fetched += entry.size or 0
-            if self._fetched > _KEPT:
+            if self._fetched > _KEPT or not any(item.readable for item in found):
                 drop(path)
 
     def path(self, path: Path) -> Iterator[Input]:

@@ -139,7 +139,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
                 plan.files.sweep()  # of what has turned out to be unreadable
             if run.frames:
                 prune(keypoint_store(), request.settings.limits.cache)
-        for item in plan.inputs:
+        for item in (*plan.inputs, *plan.examples):
             if item.address:  # what was fetched to see whose it is, and had nothing left to do
                 drop(item.path)
         failed = tuple(results.rows("example"))

@@ -191,6 +191,8 @@ def input_called(known: Iterable[str], name: str) -> str:
         ``E_NOT_FOUND`` where there is none, or several.
     """
     names = dict.fromkeys(known)
+    if not names:
+        raise InputError("the run has no rows", remedy="the run again, to its end", code="E_NOT_FOUND")
     found = (
         [one for one in names if one == name]
         or [one for one in names if one.endswith(name)]

@@ -148,7 +148,7 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         ([*CLASSIFY, "--reject", "3sd"], 2, "no class has two examples"),
         (["classify", "absent", "--examples", "absent", "--out", "{out}"], 2, "no such file"),
         (["export", "absent"], 2, "holds no run"),
-        (["export", "{run}", "--to", "x.xlsx"], 2, "--format with one of csv"),
+        (["export", "{run}", "--to", "x.xlsx"], 2, "--format with one of coco, csv"),
         (["export", "{run}", "--to", "{examples}"], 2, "is a folder"),
         (["export", "{file}"], 2, "holds no run"),
         (["plugins", "gausian"], 2, "gaussian"),

@@ -64,7 +64,7 @@ def _writes(pose: PoseSequence, points: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda pose, points: points[:, :17], r"shape \(40, 17, 2\), expected \(T, 18, 2\)"),
+        (lambda pose, points: points[:, :17], r"shape \(40, 17, 2\), expected \(T, J, 2\)"),
         (lambda pose, points: points.astype(int), "array of int64, expected floats"),
         (lambda pose, points: points * np.nan, "finds no place"),
         (lambda pose, points: np.nan_to_num(points), "NaN stays NaN"),

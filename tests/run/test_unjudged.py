@@ -13,7 +13,7 @@ from troubles import write_archive
 from gesture_core.run.inputs import discover
 from gesture_core.run.results import open_results
 from gesture_core.run.workers.engines import Assistant
-from gesture_core.settings import LimitSettings
+from gesture_core.settings import LimitSettings, load_settings
 from gesture_core.types import Job, Row
 
 READER = """
@@ -108,7 +108,7 @@ def test_a_closed_keypoint_file_is_no_stranger(
 ) -> None:
     (tmp_path / name).write_bytes(b"closed")
 
-    here = Assistant(Job({}, ""), LimitSettings(), inline=True)
+    here = Assistant(Job(load_settings(environment={}).as_dict(), ""), LimitSettings(), inline=True)
 
     def closed(path: os.PathLike[str], *rest: int, **options: int) -> int:
         raise PermissionError(13, os.strerror(13), os.fspath(path))

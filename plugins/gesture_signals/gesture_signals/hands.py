@@ -34,8 +34,13 @@ class HandsNormalizer:
 
     Parameters
     ----------
-    window, floor, shoulders
-        Those of `TorsoNormalizer`.
+    window : float
+        Seconds of the running median of the torso's length; zero takes that of the whole sequence.
+    floor : float
+        Frames below this share of the sequence's median do not take part.
+    shoulders : float
+        Torso lengths in one shoulder distance, for a person whose hips are not seen; zero makes that
+        an error, E_POSE_SCALE.
     turn : "forearm", "hand" or "none"
         What points up in the frame of a hand: the forearm, or the hand itself where none is seen; always the
         hand; or what does so in the picture.
