@@ -64,12 +64,13 @@ def test_other_channels_and_other_units_are_said_of_the_one_input(logs: Path) ->
     a, b, *rest = rows
     assert {row.status for row in rest} == {"ok"}
     assert a.code == b.code == "E_DIMENSIONS"
+    assert a.message.startswith(f"{a.input}: has other channels than the examples"), "no place in a batch"
     assert "it has acc/x[m/s2]" in a.message and "it lacks acc/x[g]" in a.message
     assert "it lacks acc/z[g]" in b.message
 
 
 def test_the_preset_says_what_a_table_is(logs: Path, tmp_path: Path) -> None:
-    with pytest.raises(GestureError, match=r"holds no example.*names no joints"):
+    with pytest.raises(GestureError, match=r"holds no example.*names no joints.*--preset sensors"):
         classify_archive(logs / "imu", logs / "examples", None, "modern", engine="inline")
     clip = tmp_path / "pose.mp4"
     clip.write_bytes(b"\0\0\0\x18ftypmp42" + bytes(64))
