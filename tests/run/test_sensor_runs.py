@@ -11,12 +11,13 @@ import pytest
 from gesture_core import (
     GestureClassifier,
     classify_archive,
+    cut_events,
     evaluate_archive,
     explain,
     load_settings,
 )
 from gesture_core.classify.balance import balanced
-from gesture_core.errors import ConfigError, GestureError
+from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.types import Signals
 
 
@@ -55,6 +56,8 @@ def test_a_folder_of_logs_is_classified_evaluated_and_explained(logs: Path) -> N
     assert explain(logs / "run", "turn_1").explanation.nearest.label == "turn"
     result = evaluate_archive(logs / "examples", "sensors", protocol="leave-one-out", workers=1)
     assert result.accuracy == 1
+    with pytest.raises(InputError, match="of channels"):
+        cut_events(logs / "run", logs / "clips")
 
 
 def test_other_channels_and_other_units_are_said_of_the_one_input(logs: Path) -> None:
