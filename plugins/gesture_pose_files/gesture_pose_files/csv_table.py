@@ -177,7 +177,7 @@ class CsvReader(OneClipReader):
                 code="E_KEYPOINTS_FORMAT",
             )
         times = None if columns.time is None else table[:, columns.time] * columns.tick
-        if times is not None and len(times) and np.nanmin(times) > _CALENDAR:  # the time of day says nothing
+        if times is not None and len(times) and np.fmin.reduce(times) > _CALENDAR:  # the day says nothing
             times = times - np.nanmin(times)
         frames = text_of(columns.frame)
         every = Rows(
