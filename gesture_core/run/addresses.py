@@ -96,16 +96,24 @@ def local_path(source: str) -> str:
         from urllib.request import url2pathname
 
         return url2pathname(source.removeprefix("file://"))
-    root = hashlib.sha256(_root(shown(source)).rstrip("/").encode()).hexdigest()[:16]
-    folder = str(cache_dir() / "fetched" / f"{root}-{_OWN}")
-    _FOLDERS.add(folder)
-    return folder
+    parts, name = _root(shown(source)).split("::"), "all"
+    for place, part in enumerate(parts):
+        kind, _, path = part.partition("://")
+        above, _, last = path.rstrip("/").rpartition("/")
+        if last:
+            parts[place], name = f"{kind}://{above}", last
+            break
+    digest = hashlib.sha256("::".join(parts).encode()).hexdigest()[:16]
+    # Names are those that folders have there, and side by side as there: they may be labels.
+    folder = cache_dir() / "fetched" / f"{digest}-{_OWN}" / _safe([name])
+    _FOLDERS.add(str(folder))
+    return str(folder)
 
 
 @atexit.register
 def _leave_nothing() -> None:
     for folder in _FOLDERS:
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(Path(folder).parent, ignore_errors=True)
 
 
 def _root(address: str) -> str:
@@ -129,6 +137,7 @@ def entries(source: str) -> Iterator[tuple[Path, Entry]]:
     system, path = _open(source)
     folder = Path(local_path(source))
     with _blamed(source):
+        folder.mkdir(parents=True, exist_ok=True)  # labels are the folders below one that is there
         if "*" in path:
             base, found = path.partition("*")[0].rpartition("/")[0], system.glob(path, detail=True)
             yield from _files(system, source, base, folder, found)
@@ -237,7 +246,7 @@ def drop(path: Path) -> None:
             file.unlink()
     with suppress(OSError):  # others are in it
         for folder in path.parents:
-            if folder == cache_dir() / "fetched":
+            if str(folder) in _FOLDERS or folder == cache_dir() / "fetched":
                 break
             folder.rmdir()
 
