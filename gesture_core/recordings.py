@@ -192,6 +192,11 @@ def seconds(values: np.ndarray, per_second: float, source: str) -> np.ndarray:
             code="E_SIGNAL_TIMES",
         )
     times = (times - times[0]) / per_second if len(times) else times
+    if len(times) > 1 and not times.any():
+        raise SignalError(
+            f"all its {len(times)} times are the same", subject=source, remedy="a column of times that go on",
+            code="E_SIGNAL_TIMES",
+        )  # fmt: skip
     usual = float(np.median(np.abs(np.diff(times)))) if len(times) > 1 else 0.0
     if usual > _SLOWEST:
         raise SignalError(

@@ -187,7 +187,9 @@ def _counted(rows: Iterable[Row], classes: Mapping[str, int]) -> tuple[Counter[s
     """
     labels, right, told = Counter[str](), 0, True
     for row in rows:
-        folder = row.input.partition("::")[0].rpartition("/")[0].rpartition("/")[2]
+        path, _, member = row.input.partition("::")
+        inside = "/" in member and "://" not in row.input  # a series in a file is called label/number
+        folder = (member if inside else path).rpartition("/")[0].rpartition("/")[2]
         labels[row.label or NO_LABEL] += 1
         right += row.label == folder
         told = told and folder in classes

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _ROWS_SHOWN = 60
 _REASONS_SHOWN = 20
 _NOTES_SHOWN = 8
+_NARROW = 80
 _WORST = ("error", "degraded", "rejected", "skipped", "ok")
 Table = Literal["labels", "events", "keypoints"]
 """What the rows of a run are about."""
@@ -102,9 +103,13 @@ def print_table(
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    narrow = console().width < _NARROW
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 0 if narrow else 1))
     for column in columns:
-        table.add_column(column, justify="right" if column in right else "left", overflow="fold")
+        number = column in right  # is never broken
+        table.add_column(
+            column, justify="right" if number else "left", overflow="fold", no_wrap=number and narrow
+        )
     for row in rows:
         table.add_row(*(Text(printable(cell)) if isinstance(cell, str) else cell for cell in row))
     console().print(table)
@@ -232,7 +237,7 @@ def _nearest(row: Row, clips: Mapping[str, Collection[str]]) -> str:
     if not row.neighbors:
         return ""
     name, label, _ = row.neighbors[0]
-    parts = name.split("/")
+    parts = (name.partition("::")[0] if "://" in name else name).split("/")  # of a file in an archive
     least = 2 if parts[-2:-1] == [label] else 1
     others = [other.split("/") for other in clips.get(parts[-1], ()) if other != name]
     while least < len(parts) and any(other[-least:] == parts[-least:] for other in others):

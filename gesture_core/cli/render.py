@@ -139,9 +139,10 @@ def _people(video: Path, settings: Settings) -> tuple[int, list[PoseSequence]]:
     from gesture_core.run.extract import people_of
     from gesture_core.run.inputs import discover
 
-    items = discover([video])
+    items = discover([video], settings=settings)
     if len(items) != 1 or items[0].kind != "video":
-        raise InputError("is not one video", subject=str(video), remedy="a video file", code="E_OPTION")
+        remedy = "a video file, or --preset pose with a picture"
+        raise InputError("is not one video", subject=str(video), remedy=remedy, code="E_OPTION")
     with progress([str(video)]) as listener:
         for _, found, people in people_of(items, settings, listener=listener):
             if found.code:

@@ -117,6 +117,7 @@ class RowPreviews:
             "video": item.kind == "video",
             "stored": stored,
             "cuts": cuts,
+            "address": item.address,
         }
         return Task(number, "draw_previews", arguments)
 

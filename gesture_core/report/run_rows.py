@@ -18,13 +18,14 @@ from gesture_core.report.alignments import alignment_record
 from gesture_core.report.row_previews import Preview, RowPreviews
 from gesture_core.run.annotations import event_of
 from gesture_core.run.extract import Listener, people_of
+from gesture_core.run.fingerprint import differences
 from gesture_core.run.found_again import GONE, look_again
 from gesture_core.run.inputs import Input
 from gesture_core.run.labels import label_inputs
 from gesture_core.run.results import open_results
 from gesture_core.run.store import Extracted
 from gesture_core.run.workers.decision import open_fitted
-from gesture_core.settings import Settings, settings_from_dict
+from gesture_core.settings import Settings, load_settings, presets, settings_from_dict
 from gesture_core.signals.chain import Chain
 from gesture_core.spot.explanation import EventExplainer
 from gesture_core.types import PoseSequence, Recording, Row, Signals
@@ -94,7 +95,7 @@ def read_rows(
     facts = {
         "version": __version__,
         "run": run.absolute().name,
-        "preset": _preset(page.recognizer),
+        "preset": _preset(settings),
         "kind": "events" if spotted else "labels" if examples else "keypoints",
         "margin_is": "score" if settings.classify.votes == 0 else "distance",
         "margin": settings.classify.margin,
@@ -318,5 +319,8 @@ def _stretch(pose: PoseSequence) -> tuple[float, float]:
     return float(times[0]), float(times[-1])
 
 
-def _preset(recognizer: Recognizer | None) -> str:
-    return recognizer.settings.preset if recognizer else ""
+def _preset(settings: Settings) -> str:
+    """The preset of the package that is most like the settings of a run, which do not name theirs."""
+    own = {"settings": settings.as_dict()}
+    every = {name: {"settings": load_settings(name, environment={}).as_dict()} for name in presets()}
+    return min(every, key=lambda name: len(differences(every[name], own)))

@@ -137,7 +137,6 @@ def entries(source: str) -> Iterator[tuple[Path, Entry]]:
     system, path = _open(source)
     folder = Path(local_path(source))
     with _blamed(source):
-        folder.mkdir(parents=True, exist_ok=True)  # labels are the folders below one that is there
         if "*" in path:
             base, found = path.partition("*")[0].rpartition("/")[0], system.glob(path, detail=True)
             yield from _files(system, source, base, folder, found)

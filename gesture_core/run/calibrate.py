@@ -73,7 +73,7 @@ class Calibration:
         """What was chosen, in a sentence."""
         copies = f"; {self.left_out} events are copies of examples, and left out" if self.left_out else ""
         return (
-            f"spot.tolerance={self.tolerance:.3g} by {self.annotated} marks in {len(self.recordings)} "
+            f"--set spot.tolerance={self.tolerance:.3g} by {self.annotated} marks in {len(self.recordings)} "
             f"recordings: F1 there {self.f1:.1%} (before {self.before:.1%}), "
             f"{self.false_alarms:.1f} false alarms a minute{copies}"
         )

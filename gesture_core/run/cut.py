@@ -135,6 +135,11 @@ def cut_events(
     if not wanted:
         raise _nothing(Path(run), label, {str(row.label) for row in cuttable})
     settings = settings_from_dict(configuration["settings"])
+    if settings.signals.input == "channels":
+        raise InputError(
+            "is of channels, and clips are cut out of videos and keypoints alone",
+            subject=str(run), code="E_MIXED",
+        )  # fmt: skip
     names = {row.input for row in wanted}
     inputs = find_inputs({name: places[name] for name in places if name in names}, settings)
     videos = any(isinstance(item, Input) and item.kind == "video" for item in inputs.values())

@@ -222,6 +222,8 @@ class FolderLabels:
         else:
             fault = f"it lies in no folder below {printable(root)}"
             fault += f" with number {self._level}" if self._level else ""
+        if item.address and not below:
+            return "it lies in no folder below the address", "an address with a folder for each label"
         if item.kind == "keypoints" and item.path.is_dir():
             return fault, f"a folder for each clip, such as {item.name}/1/*_keypoints.json"
         if root is not None and not below:
@@ -293,12 +295,12 @@ def label_folders(items: Sequence[Input], roots: Sequence[str | os.PathLike[str]
 
 
 def _folders(roots: Iterable[str | os.PathLike[str]]) -> list[Path]:
-    """The folders among the sources, those of patterns included."""
+    """The folders among the sources, those of patterns included, and those of what is not fetched yet."""
     found = []
     for root in roots:
         text = os.fspath(root)
-        some = [text] if Path(text).exists() else sorted(glob.glob(text, recursive=True))  # noqa: PTH207
-        found += [Path(one) for one in some if Path(one).is_dir()]
+        some = [text] if Path(text).exists() else sorted(glob.glob(text, recursive=True)) or [text]  # noqa: PTH207
+        found += [Path(one) for one in some if not Path(one).is_file()]
     return found
 
 
@@ -307,7 +309,8 @@ def _are_labels(items: Sequence[Input], roots: Sequence[Path]) -> bool:
     if len(roots) < 2 or len({root.absolute().parent for root in roots}) > 1:
         return False
     clips = [item for item in items if item.readable]
-    return bool(clips) and all(item.path.parent in roots for item in clips)
+    files = {root / root.name for root in roots}  # an address of one file, which lies in a folder of its name
+    return bool(clips) and all(item.path.parent in roots and item.path not in files for item in clips)
 
 
 def _place(item: Input, roots: Sequence[Path]) -> tuple[Path | None, Folders]:

@@ -57,6 +57,7 @@ class Readers:
         usable = plugins.names("reader", usable=True)
         every = [plugins.find("reader", name) for name in usable]
         self._every = [reader for reader in every if reader.channels == self.channels]
+        self._of_channels = [reader for reader in every if reader.channels]
         self.suffixes = frozenset(suffix for reader in self._every for suffix in reader.suffixes)
         self._lacking = [
             entry
@@ -123,13 +124,23 @@ class Readers:
                 cause = f"cannot be read: {error.strerror or error}"
             causes += [f"{reader.name}: {cause}"] if cause else []
         if causes:
-            return f"no reader takes it; {'; '.join(causes)}"
+            hint = (
+                "; as channels of a sensor it is read with --preset sensors" if self._is_series(path) else ""
+            )
+            return f"no reader takes it; {'; '.join(causes)}{hint}"
         if near:
             return f"no reader takes it, not {' nor '.join(reader.name for reader in near)}"
         if self.channels:
-            return "no series of channels"
+            return "no series of channels, which signals.input = channels (--preset sensors) wants"
         known = _OTHERS.get(path.suffix.lower())
         return "neither a video nor a keypoint file" + (f", but {known}" if known else "")
+
+    def _is_series(self, path: Path) -> bool:
+        """Whether what no reader of people takes is a series of channels."""
+        some = [] if self.channels else [reader for reader in self._of_channels if _may_take(reader, path)]
+        with suppress(WorkerError):
+            return any(self._ask(reader, [path])[0] is True for reader in some)
+        return False
 
     def members(self, reader: str, path: Path) -> list[str]:
         """Names of the sequences in ``path``; a PluginError where the reader ends its process."""

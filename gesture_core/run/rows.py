@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -179,7 +180,8 @@ def _note(found: Extracted) -> str:
 
 def _about(item: Input, message: str) -> str:
     """``message`` with the input's name in front, once."""
-    return f"{item.name}: {message.removeprefix(f'{item.name}: ')}" if message else ""
+    said = re.sub(r"^query \d+:? ", "", message.removeprefix(f"{item.name}: "))  # whose place nobody sees
+    return f"{item.name}: {said}" if message else ""
 
 
 def input_called(known: Iterable[str], name: str) -> str:
@@ -191,6 +193,9 @@ def input_called(known: Iterable[str], name: str) -> str:
         ``E_NOT_FOUND`` where there is none, or several.
     """
     names = dict.fromkeys(known)
+    if not names:
+        cause = f"no input of the run is {name!r}: it has no rows"
+        raise InputError(cause, remedy="the run again, to its end", code="E_NOT_FOUND")
     found = (
         [one for one in names if one == name]
         or [one for one in names if one.endswith(name)]

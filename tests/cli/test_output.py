@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from rich.console import Console
 
+from gesture_core.cli import output
 from gesture_core.cli.output import counted, named, print_reasons, row_table
 from gesture_core.types import Row
 
@@ -96,3 +98,19 @@ def test_words() -> None:
     assert [counted(n, "row") for n in (0, 1, 2)] == ["0 rows", "1 row", "2 rows"]
     assert named(["a", "b"]) == "a, b"
     assert named([str(n) for n in range(8)], 3, " ") == "0 1 2, and 5 more"
+
+
+@pytest.mark.parametrize("width", [60, 100])
+def test_numbers_and_their_headings_are_whole_in_a_narrow_terminal(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def console(*, stderr: bool = False) -> Console:
+        return Console(width=width, highlight=False, emoji=False)
+
+    monkeypatch.setattr(output, "console", console)
+    near = (("zip://ex/wave/1.mp4::file:///tmp/ex.zip", "wave", 0.1),)
+    name = "monday/a-rather-long-name.mp4"
+    row_table([Row(name, label="wave", neighbors=near, distance=0.125, margin=0.75, status="ok")])
+    shown = capsys.readouterr().out
+    assert all(word in shown for word in ("distance", "margin", "0.125", "0.750", "wave/1.mp4"))
+    assert max(map(len, shown.splitlines())) <= width

@@ -49,6 +49,9 @@ def test_labels_and_what_is_right_of_them_are_counted(
         assert "2 of 4 labels are those of the inputs' folders (50.0%)\n" in said
         say_summary(summary, [*rows, Row("in/monday/x.mp4", label="wave", status="ok")])
         assert "folders" not in capsys.readouterr().err, "monday is no label"
+    told = {"a/one.ts::wave/1": "wave", "clap/all.json::2": "clap", "zip://clap/1.mp4::file:///b.zip": ""}
+    say_summary(summary, [Row(name, label=label, status="ok") for name, label in told.items()])
+    assert json.loads(capsys.readouterr().err)["right"] == 2, "a series is called label/number"
     say_summary(summary, rows)
     event = json.loads(capsys.readouterr().err)
     assert event["labels"] == {"(none)": 1, "clap": 2, "wave": 1} and event["right"] == 2

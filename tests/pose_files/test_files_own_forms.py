@@ -382,3 +382,39 @@ def test_what_a_table_unpacks_to_is_known_before(
     with pytest.raises(KeypointError) as caught:
         ArrowTableReader().read(path)
     assert caught.value.code == "E_KEYPOINTS_LIMIT"
+
+
+@pytest.mark.parametrize("data", [b"hello", gzip.compress(b"0," * 1000)[:-9]])
+def test_a_packed_file_that_is_damaged_is_none_of_another_kind(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "clip.csv.gz"
+    path.write_bytes(data)
+    with pytest.raises(KeypointError) as caught:
+        CsvReader().accepts(path)
+    assert caught.value.code == "E_KEYPOINTS_BROKEN"
+
+
+@pytest.mark.parametrize("scored", [False, True])
+def test_depth_and_time_beside_lists_of_x_and_y_are_not_lost(tmp_path: Path, scored: bool) -> None:
+    path = tmp_path / "clip.json"
+    z = list(range(17))
+    frames: list[dict[str, Any]] = []
+    for at, frame in zip(TIMES.tolist(), SCORED, strict=True):
+        x, y, score = frame.T.tolist()
+        lists = {"x": x, "y": y, "z": z} | ({"confidence": score} if scored else {})
+        frames.append({"time": at} | lists)
+    path.write_text(json.dumps(frames))
+    one = JsonTableReader().read(path)[0]
+    np.testing.assert_allclose(one.keypoints, POINTS, atol=1e-3)
+    np.testing.assert_allclose(one.times, TIMES)
+    assert "depth (z)" in one.provenance["notes"]
+    assert set(one.scores.ravel().tolist()) == ({0.5} if scored else {1.0})
+
+
+def test_a_third_value_beside_scores_of_their_own_is_depth_unless_it_is_the_score(tmp_path: Path) -> None:
+    path = tmp_path / "clip.json"
+    for third, said in ((7.0, True), (0.5, False)):
+        joints = [[[*joint[:2], third] for joint in frame] for frame in SCORED.tolist()]
+        path.write_text(json.dumps([{"keypoints": one, "keypoint_scores": [0.5] * 17} for one in joints]))
+        found = JsonTableReader().read(path)[0]
+        np.testing.assert_allclose(found.scores, 0.5)
+        assert ("depth (z)" in found.provenance.get("notes", "")) == said

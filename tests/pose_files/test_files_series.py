@@ -78,6 +78,7 @@ def test_dates_and_columns_of_other_names_are_times(tmp_path: Path) -> None:
     [
         ("time,a\n0,1\n0.1,2\n0.05,3\n", "E_SIGNAL_TIMES", "time runs backwards after sample 2"),
         ("time,a\n0,1\n1000,2\n2000,3\n", "E_SIGNAL_TIMES", "time_ms"),
+        ("time,a\n7,1\n7,2\n", "E_SIGNAL_TIMES", "all its 2 times are the same"),
         ("timestamp,a\n1714564800000,1\n1714564800010,2\n", "E_SIGNAL_TIMES", "time_ms"),
         ("time,a\n0,1\n,2\n0.2,3\n", "E_KEYPOINTS_TIMES", "no time in row 2"),
         ("time,a\n0,1\n0.1,two\n", "E_KEYPOINTS_FORMAT", "'two' is no number"),

@@ -60,6 +60,13 @@ def page(classified: tuple[Path, Path]) -> Path:
     return write_report(folder, labels=str(truth)).page.parent
 
 
+def test_a_run_without_previews_names_its_preset(drawn: DemoArchive, tmp_path: Path) -> None:
+    for preset in ("paper", "pose"):
+        classify_archive(drawn.video_keypoints, drawn.example_keypoints, tmp_path / preset, preset)
+        page = write_report(tmp_path / preset, previews=False).page.parent
+        assert data_of(page)["preset"] == preset
+
+
 def test_every_row_is_there_with_its_truth_and_what_it_was_compared_with(
     classified: tuple[Path, Path], page: Path
 ) -> None:

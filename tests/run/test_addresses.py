@@ -15,12 +15,13 @@ import pytest
 from troubles import write_clip
 
 from gesture_core import classify_archive, explain, load_poses
-from gesture_core.errors import GestureError, InputError, MissingDependencyError, RunFolderError
+from gesture_core.errors import ConfigError, GestureError, InputError, MissingDependencyError, RunFolderError
 from gesture_core.files import cache_dir
 from gesture_core.run import addresses
 from gesture_core.run.addresses import entries, fetch, local_path, look, sha256_of, shown
 from gesture_core.run.evaluate import labelled_inputs
 from gesture_core.run.inputs import discover
+from gesture_core.run.labels import label_inputs
 from gesture_core.run.pipeline import RunSummary
 from gesture_core.run.review import Answers, add_corrections, write_answers
 from gesture_core.settings import Settings
@@ -125,6 +126,33 @@ def test_a_zip_file_is_a_folder(folder: Path, pattern: str) -> None:
     assert [(*row[1:],) for row in results(summary)] == [(*row[1:],) for row in clips]
     name = f"zip://videos/day0/left.npz::file://{folder / 'archive.zip'}"
     assert explain(folder / "far", name).explanation.nearest.label == "left"
+
+
+@pytest.mark.parametrize("address", ["zip://examples::file://{}", "zip://examples/*/*.avi::file://{}"])
+def test_videos_that_are_not_fetched_yet_have_the_labels_of_their_folders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str
+) -> None:
+    monkeypatch.setenv("GESTURE_CACHE", str(tmp_path / "cache"))
+    with zipfile.ZipFile(tmp_path / "archive.zip", "w") as archive:
+        for label in ("left", "right"):
+            archive.writestr(f"examples/{label}/1.avi", b"RIFF\0\0\0\0AVI LIST")
+    source = address.format(tmp_path / "archive.zip")
+    found = label_inputs(list(discover([source])), "folder", [local_path(source)])
+    assert [item.label for item in found] == ["left", "right"]
+
+
+def test_addresses_of_folders_side_by_side_are_labels_and_those_of_clips_are_none(memory: Any) -> None:
+    for sources, expected in (
+        (["memory://examples/left", "memory://examples/right"], ["left", "right"]),
+        (["memory://examples/left/1.npz", "memory://videos/day0/left.npz"], None),
+        (["memory://videos/day0/left.npz", "memory://videos/day0/right.npz"], None),
+    ):
+        items, roots = list(discover(sources)), [local_path(source) for source in sources]
+        if expected:
+            assert [item.label for item in label_inputs(items, "folder", roots)] == expected
+        else:
+            with pytest.raises(ConfigError, match="no folder below the address"):
+                label_inputs(items, "folder", roots)
 
 
 def test_every_letter_may_be_in_a_name(folder: Path, memory: Any) -> None:

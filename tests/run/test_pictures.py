@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gesture_core import classify_archive
+from gesture_core.cli.main import run
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import MediaError
 from gesture_core.records import VideoLimits
@@ -53,6 +54,8 @@ def test_a_folder_of_pictures_has_a_row_for_each(drawn: DemoArchive, tmp_path: P
         for name, frame in (("1.png", frames[0]), ("2.jpg", frames[1])):
             save(tmp_path / "examples" / path.parent.name / name, frame)
         save(tmp_path / "pictures" / f"{path.parent.name}.jpg", frames[2])
+    picture = str(next((tmp_path / "pictures").iterdir()))
+    assert run(["render", picture, "--preset", "pose", "--out", str(tmp_path / "seen.png")]) == 0
     (tmp_path / "pictures" / "z.jpg").write_bytes(b"\xff\xd8\xff")
     *rows, broken = classify_archive(
         tmp_path / "pictures", tmp_path / "examples", None, "pose", engine="inline"

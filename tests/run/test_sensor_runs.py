@@ -11,12 +11,13 @@ import pytest
 from gesture_core import (
     GestureClassifier,
     classify_archive,
+    cut_events,
     evaluate_archive,
     explain,
     load_settings,
 )
 from gesture_core.classify.balance import balanced
-from gesture_core.errors import ConfigError, GestureError
+from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.types import Signals
 
 
@@ -55,6 +56,8 @@ def test_a_folder_of_logs_is_classified_evaluated_and_explained(logs: Path) -> N
     assert explain(logs / "run", "turn_1").explanation.nearest.label == "turn"
     result = evaluate_archive(logs / "examples", "sensors", protocol="leave-one-out", workers=1)
     assert result.accuracy == 1
+    with pytest.raises(InputError, match="of channels"):
+        cut_events(logs / "run", logs / "clips")
 
 
 def test_other_channels_and_other_units_are_said_of_the_one_input(logs: Path) -> None:
@@ -64,12 +67,13 @@ def test_other_channels_and_other_units_are_said_of_the_one_input(logs: Path) ->
     a, b, *rest = rows
     assert {row.status for row in rest} == {"ok"}
     assert a.code == b.code == "E_DIMENSIONS"
+    assert a.message.startswith(f"{a.input}: has other channels than the examples"), "no place in a batch"
     assert "it has acc/x[m/s2]" in a.message and "it lacks acc/x[g]" in a.message
     assert "it lacks acc/z[g]" in b.message
 
 
 def test_the_preset_says_what_a_table_is(logs: Path, tmp_path: Path) -> None:
-    with pytest.raises(GestureError, match=r"holds no example.*names no joints"):
+    with pytest.raises(GestureError, match=r"holds no example.*names no joints.*--preset sensors"):
         classify_archive(logs / "imu", logs / "examples", None, "modern", engine="inline")
     clip = tmp_path / "pose.mp4"
     clip.write_bytes(b"\0\0\0\x18ftypmp42" + bytes(64))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -86,6 +87,15 @@ def test_hands_alone_take_the_place_of_a_body() -> None:
         HandsNormalizer(face=True).normalize(
             replace(pose, keypoints=np.dstack([pose.keypoints, pose.keypoints[..., :1]]))
         )
+
+
+def test_one_hand_alone_takes_its_place_without_a_warning() -> None:
+    points = np.random.default_rng(0).uniform(0, 30, (20, 21, 2)) + np.linspace(0, 100, 20)[:, None, None]
+    alone = PoseSequence(points, np.ones((20, 21)), np.arange(20) / 20, "right_hand21")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        signals = Chain.from_settings(load_settings("hands", environment={}))(alone)
+    assert np.isfinite(signals.values).all() and signals.values.any()
 
 
 def test_fingers_have_one_warping() -> None:

@@ -14,8 +14,9 @@ window.gesture = (() => {
   const base = sharedFolder(rows.map((row) => row.input));
   for (const row of rows) {
     row.name = row.input.slice(base.length);
-    const cut = row.name.lastIndexOf("/") + 1;
-    [row.folder, row.file] = [row.name.slice(0, cut), row.name.slice(cut)];
+    const path = row.input.includes("://") ? row.name.split("::")[0] : row.name; // of a file in an archive
+    const cut = path.lastIndexOf("/") + 1;
+    [row.folder, row.file] = [row.name.slice(0, cut), path.slice(cut)];
     row.words = `${row.name} ${row.label ?? ""} ${row.truth ?? ""} ${row.status} ${row.code} ${row.message} ${row.note}`.toLowerCase();
   }
 

@@ -10,7 +10,7 @@ gesture.stage = (() => {
   }
 
   function fileOf(name) {
-    const parts = name.split("/");
+    const parts = (name.includes("://") ? name.split("::")[0] : name).split("/");
     return parts.slice(-2).join("/");
   }
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from gesture_core.pose.overlay import draw_pose
 from gesture_core.records import decoded
+from gesture_core.run.addresses import drop, fetch, look, place_for
 from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
 from gesture_core.video.writer import write_video
@@ -55,12 +56,17 @@ class Cut:
 
 
 def draw_previews(
-    worker: Worker, path: str, video: bool, stored: str, cuts: Sequence[tuple[str, int | None, float, float]]
+    worker: Worker,
+    path: str,
+    video: bool,
+    stored: str,
+    cuts: Sequence[tuple[str, int | None, float, float]],
+    address: str = "",
 ) -> None:
     """Write previews of one input, in one pass over it.
 
     Of each cut ``cuts`` have its file, the person, start and end in seconds. Keypoints alone are drawn on a
-    plain ground.
+    plain ground. A video at an ``address`` is fetched for it, and deleted afterwards.
     """
     worker.slow()
     people = worker.people(stored, "") if stored else ()
@@ -72,14 +78,22 @@ def draw_previews(
             one.write()
             worker.alive()
         return
-    for time, frame in _shown(decoded(path), worker.settings):
-        for file, one in list(drawn.items()):
-            one.add(time, frame)
-            if time > one.cut.end + _NEAR:
-                drawn.pop(file).write()
-        worker.alive()
-        if not drawn:
-            break
+    place = decoded(path)
+    try:
+        if address:
+            place = place_for(address, place)
+            fetch(look(address), place, worker.alive)
+        for time, frame in _shown(place, worker.settings):
+            for file, one in list(drawn.items()):
+                one.add(time, frame)
+                if time > one.cut.end + _NEAR:
+                    drawn.pop(file).write()
+            worker.alive()
+            if not drawn:
+                break
+    finally:
+        if address:
+            drop(place)
     for one in drawn.values():
         one.write()
 

@@ -97,13 +97,15 @@ def head_of(path: Path, count: int) -> bytes:
     Raises
     ------
     KeypointError
-        `E_KEYPOINTS_UNREADABLE` where the file exists and cannot be read, so that its format is unknown.
+        `E_KEYPOINTS_UNREADABLE`, `E_KEYPOINTS_BROKEN` where the file exists and cannot be read or unpacked,
+        so that its format is unknown.
     """
     try:
         with open_keypoints(path, 1 << 62) as file:
             return file.read(count)
     except KeypointError as error:
-        if error.code == "E_KEYPOINTS_UNREADABLE" and isinstance(error.__cause__, OSError):
+        unreadable = error.code == "E_KEYPOINTS_UNREADABLE" and isinstance(error.__cause__, OSError)
+        if unreadable or error.code == "E_KEYPOINTS_BROKEN":
             raise
         return b""
     except OSError as error:

@@ -215,14 +215,16 @@ def _flatten(value: Any, name: str, out: Record, options: ReadOptions) -> None:
     if isinstance(value, Mapping):
         points = value.get("x"), value.get("y")
         if all(isinstance(one, list) for one in points):  # lists of x, of y and of scores
-            scores = value.get("visible", value.get("confidence", value.get("score")))
-            lists = [*points, scores] if isinstance(scores, list) else points
-            _flatten([list(joint) for joint in zip(*lists, strict=False)], name, out, options)
-            return
+            held = {"x": "x", "y": "y", "z": "z"}
+            held |= dict.fromkeys(("score", "confidence", "visible"), "score")
+            lists = {part: value[key] for key, part in held.items() if isinstance(value.get(key), list)}
+            joints = [dict(zip(lists, joint, strict=True)) for joint in zip(*lists.values(), strict=False)]
+            _flatten(joints, name, out, options)
+            value = {key: one for key, one in value.items() if held.get(key) not in lists}
         scored = next((key for key in SCORES if isinstance(value.get(key), list)), None)
         for key, one in value.items():
             if scored and key != scored and _fits(one, value[scored]):
-                one = [[*joint[:2], score] for joint, score in zip(one, value[scored], strict=True)]
+                one = [_scored(*joint) for joint in zip(one, value[scored], strict=True)]
             elif key == scored:
                 continue
             _flatten(one, f"{name}_{key}" if name else str(key), out, options)
@@ -256,6 +258,11 @@ def _flatten_list(value: list[Any], name: str, out: Record, options: ReadOptions
 def _is_depth(joint: list[Any], options: ReadOptions) -> bool:
     """Whether the third of three values is no score, by what the user says of the unit."""
     return len(joint) == 3 and options.unit == "metres"
+
+
+def _scored(joint: list[Any], score: Any) -> list[Any]:
+    """A joint with its score, which may stand in it already; another third value is its depth."""
+    return [*joint[:2], score] if joint[2:] in ([], [score]) else [*joint, score]
 
 
 def _fits(points: Any, scores: list[Any]) -> bool:

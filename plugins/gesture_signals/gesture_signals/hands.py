@@ -153,6 +153,8 @@ def _wrists(points: np.ndarray, palms: dict[str, np.ndarray], pose: PoseSequence
             code="E_POSE_SCALE",
         )
     wrists = np.stack([points[:, _AT[f"{side}_hand_wrist"]] for side in palms], axis=1)
-    middle = np.nanmean(np.nanmean(wrists, axis=0), axis=0)
+    middle = np.mean(
+        [np.nanmean(way, axis=0) for way in wrists.swapaxes(0, 1) if np.isfinite(way).any()], axis=0
+    )
     out[:, [_AT[f"{side}_wrist"] for side in palms]] = (wrists - middle) * PALM / float(np.median(sizes))
     return out
