@@ -96,18 +96,24 @@ def local_path(source: str) -> str:
         from urllib.request import url2pathname
 
         return url2pathname(source.removeprefix("file://"))
-    path, *outer = _root(shown(source)).rstrip("/").split("::")
-    above, _, name = path.rstrip("/").rpartition("/")
-    digest = hashlib.sha256("::".join([above, *outer]).encode()).hexdigest()[:16]
-    folder = str(cache_dir() / "fetched" / f"{digest}-{_OWN}")
-    _FOLDERS.add(folder)
-    return str(Path(folder, _safe([name])))  # beside each other as the folders are
+    parts, name = _root(shown(source)).split("::"), "all"
+    for place, part in enumerate(parts):
+        kind, _, path = part.partition("://")
+        above, _, last = path.rstrip("/").rpartition("/")
+        if last:
+            parts[place], name = f"{kind}://{above}", last
+            break
+    digest = hashlib.sha256("::".join(parts).encode()).hexdigest()[:16]
+    # Names are those that folders have there, and side by side as there: they may be labels.
+    folder = cache_dir() / "fetched" / f"{digest}-{_OWN}" / _safe([name])
+    _FOLDERS.add(str(folder))
+    return str(folder)
 
 
 @atexit.register
 def _leave_nothing() -> None:
     for folder in _FOLDERS:
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(Path(folder).parent, ignore_errors=True)
 
 
 def _root(address: str) -> str:
@@ -239,7 +245,7 @@ def drop(path: Path) -> None:
             file.unlink()
     with suppress(OSError):  # others are in it
         for folder in path.parents:
-            if folder == cache_dir() / "fetched":
+            if str(folder) in _FOLDERS or folder == cache_dir() / "fetched":
                 break
             folder.rmdir()
 

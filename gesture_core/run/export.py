@@ -223,13 +223,13 @@ class KeypointFiles:
             name = self._known.pop(key)
             self._claims[name] -= 1
             if not self._claims[name]:  # another source may have given it to another input by now
-                _take_out(path, None if to is None else to / name)
+                take_out(path, None if to is None else to / name)
             gone.append(key)
         if gone:
             self._results.retract(gone)
 
 
-def _take_out(path: Path, to: Path | None) -> None:
+def take_out(path: Path, to: Path | None) -> None:
     """Move a file, if it is there, or delete it."""
     if to is None or not path.is_file():
         path.unlink(missing_ok=True)

@@ -14,6 +14,7 @@ from typing import Protocol
 
 from gesture_core.errors import ConfigError
 from gesture_core.files import printable
+from gesture_core.run.addresses import local_path
 from gesture_core.run.inputs import Input
 from gesture_core.run.results import DATABASE
 
@@ -62,7 +63,7 @@ def label_inputs(
         ``folder``, or ``folder:`` and a level, see `FolderLabels`. A path to a table of paths
         and labels (``.csv``, ``.tsv``, ``.txt``), see `tables.LabelTable`. Otherwise a regular
         expression whose group ``label``, or first group, is found by `search_name`.
-    roots : sequence of path
+    roots : sequence of path or address
         The sources that the inputs were found in.
     columns : str
         The headings of a table, as in `tables.read_labels`.
@@ -74,7 +75,7 @@ def label_inputs(
         label from a manifest is kept. What is broken or nobody's may do without one: it cannot be used in any
         case.
     """
-    find = _source_of(items, labels, roots, columns)
+    find = _source_of(items, labels, [local_path(os.fspath(root)) for root in roots], columns)
     labelled = []
     for item in items:
         label = word(item.label or find(item) or "")

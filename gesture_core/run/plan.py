@@ -198,9 +198,7 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
             remedy="examples/<label>/<clip>" + (f", or for a picture {FRAMES}" if pictures else ""),
             code="E_EMPTY",
         )
-    labelled = label_inputs(
-        found, request.labels, [*map(local_path, request.examples)], request.label_columns
-    )
+    labelled = label_inputs(found, request.labels, request.examples, request.label_columns)
     # What nobody reads is a lost example where it has a label; without one it was never meant as any.
     return [
         item

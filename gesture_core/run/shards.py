@@ -14,6 +14,7 @@ from typing import Any
 
 from gesture_core.errors import ConfigError, RunFolderError
 from gesture_core.files import replacing
+from gesture_core.run.export import take_out
 from gesture_core.run.fingerprint import differences
 from gesture_core.run.inputs import Input
 from gesture_core.run.results import FITTED, Results, open_results, run_folder
@@ -127,7 +128,10 @@ def merge_runs(runs: Sequence[Path], out: Path, *, overwrite: bool = False) -> M
                 code="E_MERGE",
             )
         _copy_keypoints(runs, opened, out)
+        before = set(target.published().values())
         target.take(opened)
+        for name in before - set(target.published().values()):
+            take_out(out / "keypoints" / name, out / "removed" / name)
         fitted = next((run / FITTED for run in runs if (run / FITTED).is_file()), None)
         if fitted:
             with replacing(out / FITTED) as temporary:

@@ -23,6 +23,7 @@ import numpy as np
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable
 from gesture_core.pose.models import choose_pose, described
+from gesture_core.run.addresses import shown
 from gesture_core.run.archive import Sources, as_strings, with_changes
 from gesture_core.run.extract import Listener, first_person, people_of
 from gesture_core.run.inputs import discover
@@ -203,7 +204,10 @@ def fit_spotter(
     found = [item for item in discover(sources, settings=settings) if item.kind != "other"]
     if not found:
         raise InputError(
-            "holds no example", subject=", ".join(sources), remedy="examples/<label>/<clip>", code="E_EMPTY"
+            "holds no example",
+            subject=", ".join(map(shown, sources)),
+            remedy="examples/<label>/<clip>",
+            code="E_EMPTY",
         )
     items = label_inputs(found, labels, sources)
     people: dict[bytes, PoseSequence] = {}

@@ -19,10 +19,12 @@ from gesture_core.errors import ConfigError, GestureError, InputError, MissingDe
 from gesture_core.files import cache_dir
 from gesture_core.run import addresses
 from gesture_core.run.addresses import entries, fetch, local_path, look, sha256_of, shown
+from gesture_core.run.evaluate import labelled_inputs
 from gesture_core.run.inputs import discover
 from gesture_core.run.labels import label_inputs
 from gesture_core.run.pipeline import RunSummary
 from gesture_core.run.review import Answers, add_corrections, write_answers
+from gesture_core.settings import Settings
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: pip install 'gesture-core[s3]'")
 SECRET = "hunter2"
@@ -200,6 +202,19 @@ def test_two_queries_are_not_one_input(monkeypatch: pytest.MonkeyPatch, tmp_path
     assert len(discover([pair[0], pair[0]])) == 1
     with pytest.raises(InputError, match="listed with two queries"):
         discover(pair)
+
+
+@pytest.mark.parametrize("address", ["file://{}/examples", "zip://examples::file://{}/archive.zip"])
+def test_folders_of_an_address_are_labels_for_every_command(folder: Path, address: str) -> None:
+    with zipfile.ZipFile(folder / "archive.zip", "w") as archive:
+        for file in sorted((folder / "examples").rglob("*.npz")):
+            archive.write(file, file.relative_to(folder))
+        archive.writestr("films/left/a.mp4", "no film")  # not fetched to be listed
+        archive.writestr("films/right/a.mp4", "no film")
+    each = "zip://films/left::file://{0}/archive.zip zip://films/right::file://{0}/archive.zip"
+    for where in (address, "zip://films::file://{}/archive.zip", each):
+        found = labelled_inputs(tuple(where.format(folder).split()), "folder", "", None, Settings())
+        assert [item.label for item in found] == ["left", "right"]
 
 
 def test_a_corrected_clip_of_a_zip_file_becomes_an_example(folder: Path) -> None:

@@ -154,6 +154,15 @@ def test_a_keypoint_file_that_is_not_there_yet_is_missed_only_by_its_row(
         merge_runs([run], tmp_path / "deep" / "out")
 
 
+def test_keypoint_files_of_rows_that_go_are_put_aside(archive: Path, tmp_path: Path) -> None:
+    runs, out = shards_of(archive, "extract", tmp_path, 2), tmp_path / "out"
+    merge_runs(runs, out)
+    merge_runs(runs[:1], out, overwrite=True)
+    first, second = ({path.name for path in (run / "keypoints").rglob("*.parquet")} for run in runs)
+    assert {path.name for path in (out / "keypoints").rglob("*.parquet")} == first
+    assert {path.name for path in (out / "removed").rglob("*.parquet")} == second != set()
+
+
 def contradictions(archive: Path, runs: list[Path], folder: Path) -> dict[str, tuple[list[Path], str]]:
     """Runs that are no parts of one, by what is wrong with them."""
     command(archive, "classify", folder / "other", "--shard", "2/3", "--set", "variance.t_var=0.05")
