@@ -319,7 +319,8 @@ class Walk:
             if entry in folders:
                 yield entry
             else:
-                beside = bool(reader) and (_lies_beside(entry) or self._readers.may_take(reader, entry))
+                companion = entry.suffix.lower() in COMPANIONS
+                beside = bool(reader) and (companion or self._readers.may_take(reader, entry))
                 for item in self._file(entry, say_why=not (beside or fault)):
                     if item.kind == "other" and fault:  # its folder may have been one of keypoint files
                         yield replace(item, kind="broken", code=fault[0], fault=f"of its folder, {fault[1]}")
@@ -385,11 +386,9 @@ def exists(path: Path) -> bool:
 def _not_found(path: Path, where: str = "") -> InputError:
     missing = "nothing matches" if glob.has_magic(os.fspath(path)) else "no such file or folder"
     return InputError(
-        f"{missing}{f', {where}' if where else ''}",
-        subject=printable(os.fspath(path)),
-        remedy="check the path",
-        code="E_NOT_FOUND",
-    )
+        f"{missing}{f', {where}' if where else ''}", subject=printable(os.fspath(path)),
+        remedy="check the path", code="E_NOT_FOUND",
+    )  # fmt: skip
 
 
 def _broken(path: Path, code: str, fault: str, remedy: str = "") -> Input:
@@ -400,7 +399,3 @@ def _identity(folder: Path) -> tuple[int, int]:
     """The same for all ways that lead to one folder."""
     found = folder.stat()
     return found.st_dev, found.st_ino
-
-
-def _lies_beside(path: Path) -> bool:
-    return path.suffix.lower() in COMPANIONS
