@@ -11,6 +11,8 @@ window.gesture = (() => {
     row.right = row.truth === null ? null : row.label === row.truth;
     return row;
   });
+  // Stands for "no label" among labels: no label can hold it.
+  const NOTHING = "\0";
   const base = sharedFolder(rows.map((row) => row.input));
   for (const row of rows) {
     row.name = row.input.slice(base.length);
@@ -91,7 +93,7 @@ window.gesture = (() => {
 
   function fits(row) {
     const { text, label, status, sure, answer, person, folder, truth } = state;
-    if (label !== "" && (row.label ?? "(none)") !== label) return false;
+    if (label !== "" && (row.label ?? NOTHING) !== label) return false;
     if (truth !== null && row.truth !== truth) return false;
     if (status === "wrong" ? row.right !== false : status !== "" && row.status !== status) return false;
     if (sure !== "" && keeps(row) !== (sure === "above")) return false;
@@ -133,6 +135,6 @@ window.gesture = (() => {
 
   return {
     data, rows, examples, state, orders, sureness, keeps, show, listeners, detail, details: loaded,
-    make, draw, number, percent, counted, wilson, base,
+    make, draw, number, percent, counted, wilson, base, NOTHING,
   };
 })();

@@ -1,7 +1,7 @@
 // Counts of labels and statuses, how certain they are, what a threshold would cost, and what was taken for what.
 "use strict";
 gesture.overview = (() => {
-  const { data, rows, state, sureness, show, make, draw, number, percent, counted, wilson } = gesture;
+  const { data, rows, state, sureness, show, make, draw, number, percent, counted, wilson, NOTHING } = gesture;
   const { scale, path, text } = gesture.plots;
   const known = rows.some((row) => row.truth !== null);
   const refresh = [];
@@ -28,15 +28,15 @@ gesture.overview = (() => {
       refresh.push(() => chip.setAttribute("aria-pressed", state.status === status));
       chips.append(chip);
     }
-    const counts = tally(rows.map((row) => row.label ?? "(none)"));
+    const counts = tally(rows.map((row) => row.label ?? NOTHING));
     for (const label of data.labels) if (!counts.has(label)) counts.set(label, 0);
     const most = Math.max(1, ...counts.values());
-    const sorted = [...counts].sort((a, b) => (a[0] === "(none)") - (b[0] === "(none)") || b[1] - a[1] || (a[0] < b[0] ? -1 : 1));
+    const sorted = [...counts].sort((a, b) => (a[0] === NOTHING) - (b[0] === NOTHING) || b[1] - a[1] || (a[0] < b[0] ? -1 : 1));
     const list = make("ul", { class: counts.size > 8 ? "bars many" : "bars" });
     for (const [label, count] of sorted) {
       const button = make("button", { type: "button", onclick: () => show({ label: state.label === label ? "" : label, truth: null }) },
-        make("span", { class: "bar-name" }, label === "(none)" ? "no label" : label),
-        make("span", { class: "bar", "aria-hidden": "true" }, make("span", { style: { width: `${(100 * count) / most}%` }, class: label === "(none)" ? "fill empty" : "fill" })),
+        make("span", { class: "bar-name" }, label === NOTHING ? "no label" : label),
+        make("span", { class: "bar", "aria-hidden": "true" }, make("span", { style: { width: `${(100 * count) / most}%` }, class: label === NOTHING ? "fill empty" : "fill" })),
         make("span", { class: "bar-count" }, count.toLocaleString("en")));
       refresh.push(() => button.setAttribute("aria-pressed", state.label === label));
       list.append(make("li", {}, button));
@@ -157,18 +157,18 @@ gesture.overview = (() => {
     const tested = rows.filter((row) => row.truth !== null);
     const right = tested.filter((row) => row.right).length, [low, high] = wilson(right, tested.length);
     const truths = [...new Set(tested.map((row) => row.truth))].sort();
-    const given = new Set(tested.map((row) => row.label ?? "(none)"));
-    const columns = [...truths, ...[...given].filter((one) => one !== "(none)" && !truths.includes(one)).sort(), ...(given.has("(none)") ? ["(none)"] : [])];
-    const counts = tally(tested.map((row) => JSON.stringify([row.truth, row.label ?? "(none)"])));
+    const given = new Set(tested.map((row) => row.label ?? NOTHING));
+    const columns = [...truths, ...[...given].filter((one) => one !== NOTHING && !truths.includes(one)).sort(), ...(given.has(NOTHING) ? [NOTHING] : [])];
+    const counts = tally(tested.map((row) => JSON.stringify([row.truth, row.label ?? NOTHING])));
     const totals = tally(tested.map((row) => row.truth));
-    const head = make("tr", {}, make("td", {}), ...columns.map((one) => make("th", { scope: "col" }, make("span", {}, one === "(none)" ? "no label" : one))));
+    const head = make("tr", {}, make("td", {}), ...columns.map((one) => make("th", { scope: "col" }, make("span", {}, one === NOTHING ? "no label" : one))));
     const body = truths.map((truth) => make("tr", {}, make("th", { scope: "row" }, truth), ...columns.map((label) => {
       const count = counts.get(JSON.stringify([truth, label])) ?? 0;
       if (count === 0) return make("td", {}, make("span", { class: "zero", "aria-label": "0" }, "·"));
       const share = count / totals.get(truth);
       const button = make("button", {
         type: "button", class: truth === label ? "cell right" : "cell wrong", style: { "--share": `${Math.round(12 + 88 * share)}%` }, "data-deep": share > 0.55,
-        "aria-label": `${truth} recognised as ${label === "(none)" ? "nothing" : label}: ${count}`,
+        "aria-label": `${truth} recognised as ${label === NOTHING ? "nothing" : label}: ${count}`,
         onclick: () => (state.truth === truth && state.label === label ? show({ truth: null, label: "" }) : show({ truth, label })),
       }, String(count));
       refresh.push(() => button.setAttribute("aria-pressed", state.truth === truth && state.label === label));
