@@ -98,7 +98,7 @@ class VideoWriter:
                 for name, value in _COLOURS.items():
                     setattr(self._stream.codec_context, name, value)
             # FFmpeg's own conversion rounds down, which makes every picture darker.
-            planes = cv2.cvtColor(even, cv2.COLOR_BGR2YUV_I420)
+            planes = np.asarray(cv2.cvtColor(even, cv2.COLOR_BGR2YUV_I420), np.uint8)
             picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
             self._last = max(self._last + 1, round(time * _CLOCK))
             picture.pts, picture.time_base = self._last, Fraction(1, _CLOCK)
