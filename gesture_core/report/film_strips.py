@@ -63,7 +63,7 @@ def film_strips(found: RowExplanation, listener: Listener | None = None) -> Stri
                 elif not any(isinstance(one, PoseSequence) and one.person == person for one in people):
                     missing[which] = "channels have no picture"
                 else:
-                    count = max(1, round(PICTURES * (end - start) / max(longest, 1e-6)))
+                    count = max(1, int(PICTURES * (end - start) / max(longest, 1e-6) + 1e-6))
                     cuts[which] = (encoded(Path(folder, f"{which}.png")), person, start, end, count)
             if cuts:
                 tasks.append(drawing_task(len(tasks), item, extracted.stored, list(cuts.values())))
@@ -72,7 +72,8 @@ def film_strips(found: RowExplanation, listener: Listener | None = None) -> Stri
             for which in asked[outcome.number]:
                 missing[which] = outcome.error.cause if outcome.error else "there is no frame to show"
         for which in spans:
-            picture = cv2.imread(str(Path(folder, f"{which}.png")))
+            drawn = Path(folder, f"{which}.png")
+            picture = cv2.imread(str(drawn)) if drawn.is_file() else None
             if picture is not None:
                 pictures[which] = np.ascontiguousarray(picture[..., ::-1])
     return Strips(pictures, {which: why for which, why in missing.items() if which not in pictures})

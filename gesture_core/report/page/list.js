@@ -131,7 +131,9 @@ gesture.list = (() => {
   document.addEventListener("visibilitychange", play);
   calm.addEventListener("change", play);
   gesture.listeners.add(() => {
-    document.getElementById("none").hidden = state.shown.length > 0;
+    const none = document.getElementById("none");
+    none.hidden = state.shown.length > 0;
+    none.textContent = rows.length ? "No row is like that." : "The run has no rows: nothing was finished yet, or its shard has no inputs.";
     render(true);
   });
   return { render, reveal, mark, redraw: () => render(true), focus: () => body.querySelector("[aria-selected=true]")?.focus({ preventScroll: true }) };

@@ -36,7 +36,7 @@ gesture.overview = (() => {
     for (const [label, count] of sorted) {
       const button = make("button", { type: "button", onclick: () => show({ label: state.label === label ? "" : label, truth: null }) },
         make("span", { class: "bar-name" }, label === NOTHING ? "no label" : label),
-        make("span", { class: "bar", "aria-hidden": "true" }, make("span", { style: { width: `${(100 * count) / most}%` }, class: label === NOTHING ? "fill empty" : "fill" })),
+        make("span", { class: "bar", "aria-hidden": "true" }, count > 0 && make("span", { style: { width: `${(100 * count) / most}%` }, class: label === NOTHING ? "fill empty" : "fill" })),
         make("span", { class: "bar-count" }, count.toLocaleString("en")));
       refresh.push(() => button.setAttribute("aria-pressed", state.label === label));
       list.append(make("li", {}, button));
