@@ -130,3 +130,19 @@ def test_groups_count_alike_whatever_their_units() -> None:
         balanced([signals(wave, wave)], load_settings("sensors", ["classify.weights=gyro=2"]))
     with pytest.raises(GestureError, match="no channel of any example changes"):
         balanced([signals(0 * wave + 5, 0 * wave)], settings.with_values([("classify.weights", "")]))
+
+
+def test_axes_and_frames_of_other_libraries_are_said() -> None:
+    X = np.stack([imu(kind, n)[:, 1:] for kind in ("shake", "turn") for n in range(2)])
+    y = ["shake", "shake", "turn", "turn"]
+    with pytest.warns(UserWarning, match=r"3 samples of 60 channels.*transpose"):
+        GestureClassifier("sensors").fit([x.T for x in X], y)
+    with pytest.raises(InputError, match="one data frame"):
+        GestureClassifier("sensors").fit(pa.table({"acc_x": [1.0, 2.0]}), ["a", "b"])
+    labelled = [
+        pa.table({"ax": x[:, 0], "ay": x[:, 1], "frame": np.arange(60), "label": [kind] * 60})
+        for x, kind in zip(X, y, strict=True)
+    ]
+    with pytest.warns(UserWarning, match="frame, label"):
+        (first, *_) = GestureClassifier("sensors").signals(labelled)
+    assert isinstance(first, Signals) and first.channels[:2] == ("a/x", "a/y") and len(first.channels) == 4
