@@ -261,7 +261,7 @@ COCO133 = _whole("coco133", COCO17, *_TOES, *face_joints(68), *HANDS)
 HALPE136 = _whole("halpe136", HALPE26, *face_joints(68), *HANDS)
 # OpenPose keeps its parts in lists of their own; files that join them have the face first or last.
 OPENPOSE137 = _whole("openpose137", BODY25, *face_joints(70), *HANDS)
-OPENPOSE137HANDS = _whole("openpose137-hands", BODY25, *HANDS, *face_joints(70))
+OPENPOSE137_HANDS = _whole("openpose137-hands", BODY25, *HANDS, *face_joints(70))
 OPENPOSE130 = _whole("openpose130", COCO18, *face_joints(70), *HANDS)
 OPENPOSE127 = _whole("openpose127", MPI15, *face_joints(70), *HANDS)
 MEDIAPIPE75 = _whole("mediapipe75", BLAZEPOSE33, *HANDS)
@@ -284,7 +284,7 @@ SKELETONS: Mapping[str, Skeleton] = MappingProxyType(
         s.name: s
         for s in (
             COCO18, COCO17, BODY25, MPI15, BLAZEPOSE33, HALPE26, H36M17, KINECT20, KINECT25, KINECT32, SMPL22,
-            LEFT_HAND, RIGHT_HAND, HANDS42, COCO133, HALPE136, OPENPOSE137, OPENPOSE137HANDS, OPENPOSE130,
+            LEFT_HAND, RIGHT_HAND, HANDS42, COCO133, HALPE136, OPENPOSE137, OPENPOSE137_HANDS, OPENPOSE130,
             OPENPOSE127, MEDIAPIPE75, MEDIAPIPE543, MEDIAPIPE543_FACE,
         )
     }
