@@ -119,6 +119,7 @@ PUBLIC_FOR = {
         "files",
         "plugin.hooks",
         "joint_names",
+        "joints",
         "plugin.interfaces",
         "plugin.reading",
         "pose",
