@@ -164,8 +164,9 @@ class ClassifySettings(_Section):
         Labels with a smaller margin are rejected (E_UNSURE). The margin is the lead of the winner's
         distance with ``nearest``, otherwise of its score (0 to about 1).
     confidence : None or float
-        Labels that are right with a smaller probability than this are rejected (E_UNSURE). The probability is
-        calibrated on the examples, each of which is decided by the others; some class needs two.
+        Labels that are right with a smaller probability than this are rejected (E_UNSURE), and every row has
+        the probability; 0 rejects none. It is calibrated on the examples, each of which is decided by the
+        others; some class needs two.
     representative : bool
         Keep only the medoid of each class as its example.
     min_pose : float
