@@ -126,7 +126,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
             then stays as it was.
         """
         settings = self._resolve()
-        if self.reject is None and len(X) > 0 and not isinstance(X[0], PoseSequence | Signals):
+        if self.reject is None and len(X) > 0 and not isinstance(next(iter(X)), PoseSequence | Signals):
             # A preset's distance is in the unit of its own chain, which bare arrays do not have.
             settings = replace(settings, classify=replace(settings.classify, reject=None))
         fitted = Recognizer.fit(settings, X, y, names, alive=alive, stacklevel=2)

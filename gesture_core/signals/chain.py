@@ -13,6 +13,7 @@ from gesture_core.plugin.abilities import WholeBody
 from gesture_core.plugin.registry import calling, name_of, registry
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
 from gesture_core.signals.repair import repaired
+from gesture_core.signals.turns import without_jumps
 from gesture_core.skeletons import COCO18, skeleton
 from gesture_core.types import PoseSequence, Recording, Signals
 
@@ -211,7 +212,9 @@ def _dense(recording: Recording, rule: GapRule) -> Signals:
     whole = slice(there[0], there[-1] + 1)
     order = np.argsort(recording.channels)
     times = recording.times[whole]
-    values, present = fill_gaps(recording.values[whole][:, order, None].astype(np.float64), times, rule)
+    given = recording.values[whole].astype(np.float64)
+    given = without_jumps(given, recording.channels)[:, order, None]
+    values, present = fill_gaps(given, times, rule)
     if not present.any():
         raise PoseError(
             f"no channel has a value in {rule.min_seen:.0%} of the samples",
