@@ -21,6 +21,7 @@ from gesture_core.run.store import Extracted, keypoint_store
 from gesture_core.run.workers.engines import ProcessEngine
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.spot.find import Hit, Query
+from gesture_core.spot.signals import stream_chain
 
 if TYPE_CHECKING:
     from gesture_core.run.workers.worker import Worker
@@ -124,6 +125,7 @@ def find(
     readable = [item for item in items if item.readable]
     if not readable:
         raise InputError("holds no recording", subject=", ".join(sources), code="E_EMPTY")
+    stream_chain(ready)  # refuses settings under which nothing can be found, before anything is extracted
     query = _query(clip, ready, listener)
     found = Findings(failed=failed)
     with _Workers(query, ready, top, workers or usable_cores()) as search:

@@ -141,7 +141,7 @@ def test_streams_of_one_folder_are_one_recording_in_step(tmp_path: Path) -> None
     reader = registry().make("reader", "series", {"streams": ["imu", "glove"]}, options=ReadOptions())
     assert reader.accepts(clip) and not reader.accepts(clip / "imu.csv")
     (one,) = reader.read(clip)
-    assert one.channels == ("imu_acc/x", "imu_acc/y", "glove/bend")
+    assert one.channels == ("acc@imu/x", "acc@imu/y", "bend@glove")
     assert len(one) == 30 and one.times[0] == 0
     np.testing.assert_allclose(one.values[:, 2], np.sin(100.2 + one.times), atol=1e-3)
     np.testing.assert_allclose(one.values[:, 0], np.sin(100.2 + one.times), atol=1e-5)

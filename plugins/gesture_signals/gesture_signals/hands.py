@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 
 from gesture_core.errors import PoseError
-from gesture_core.skeletons import COCO18, FACE, HANDS42, with_parts
+from gesture_core.joints import FACE
+from gesture_core.skeletons import COCO18, HANDS42, with_parts
 from gesture_core.types import PoseSequence
 from gesture_signals.normalizers import Torso, median_over_time
 
