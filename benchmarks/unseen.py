@@ -7,7 +7,7 @@ from nobody import drawn
 
 
 def unseen(count: int, seed: int = 3) -> list[np.ndarray]:
-    """As many of kinds that nothing was trained or chosen on: neither the head of `compact` nor its limits."""
+    """As many of kinds on which nothing was trained or chosen: no head of `compact`, and no limit."""
     kinds = (_fractal, _vases, _vehicles, _washing, _circuit, _clocks, _notes, _chessmen, _bridge)
     return drawn(kinds, count, seed)
 
