@@ -56,9 +56,11 @@ GAIN = 0.1
 """Confidence that a tile must add: a part of a large person may pass for a small one."""
 ZOOMS = 2
 """Times that a find is looked at again in a window of its own."""
-CUTS, AGREE = (0.85, 1.0, 1.2), 3
-"""Of a find that the network is less than certain is a person: sides of the windows that it is looked at in
-again, over its own, and in how many of them somebody must be. The second is mirrored."""
+CUTS = (0.8, 0.93, 1.07, 1.25)
+"""Sides, over its own, of the windows in which a find is looked at again that is less than certain to be a person;
+in each as it is and mirrored."""
+AGREE = 5
+"""In how many of these eight somebody must be seen."""
 PAUSE = 16
 """Frames between two searches while nobody is found."""
 RECHECK = 250
@@ -249,7 +251,7 @@ class Follower:
         """Whether somebody is seen in other cuts around a window as well."""
         size = frame.shape[1], frame.shape[0]
         views = [window.grown(cut, size).view(frame) for cut in CUTS]
-        views[1] = np.ascontiguousarray(views[1][:, ::-1])
+        views += [np.ascontiguousarray(view[:, ::-1]) for view in views]
         return sum(map(bool, self.backend.estimate(views))) >= AGREE
 
     def _until_lost(self, people: Sequence[Person | None]) -> int:
