@@ -56,11 +56,9 @@ GAIN = 0.1
 """Confidence that a tile must add: a part of a large person may pass for a small one."""
 ZOOMS = 2
 """Times that a find is looked at again in a window of its own."""
-CUTS = (0.8, 0.93, 1.07, 1.25)
-"""Sides, over its own, of the windows in which a find is looked at again that is less than certain to be a person;
-in each as it is and mirrored."""
-AGREE = 5
-"""In how many of these eight somebody must be seen."""
+CUTS = (0.85, 1.0, 1.2)
+"""A find that is less than certain to be a person is looked at again in windows of these sides over its own,
+the second mirrored; somebody must be seen in each."""
 PAUSE = 16
 """Frames between two searches while nobody is found."""
 RECHECK = 250
@@ -251,8 +249,8 @@ class Follower:
         """Whether somebody is seen in other cuts around a window as well."""
         size = frame.shape[1], frame.shape[0]
         views = [window.grown(cut, size).view(frame) for cut in CUTS]
-        views += [np.ascontiguousarray(view[:, ::-1]) for view in views]
-        return sum(map(bool, self.backend.estimate(views))) >= AGREE
+        views[1] = np.ascontiguousarray(views[1][:, ::-1])
+        return all(self.backend.estimate(views))
 
     def _until_lost(self, people: Sequence[Person | None]) -> int:
         """Number of leading frames in which the person is still there; all of them during a pause."""
