@@ -38,14 +38,15 @@ KEPT = 0.95
 def msrc12_clips(shared: Path) -> list[Item]:
     """Clips around the action points of MSRC-12: 12 gestures by five people."""
     items = []
-    for subject, gesture, pose, marks in msrc12(shared):
-        points = sorted(marks)
+    for recording in msrc12(shared)[0]:
+        pose, gesture = recording.pose, recording.truth[0][0]
+        points = sorted(point for _, point, _ in recording.truth)
         middles = [-np.inf, *((a + b) / 2 for a, b in pairwise(points)), np.inf]
         for index, point in enumerate(points):
             start, end = max(point - 2, middles[index]), min(point + 2, middles[index + 1])
             clip = cut(pose, start, end, f"{pose.source}_{index}")
             if len(clip) >= 8:
-                items.append(Item(clip, gesture, subject, clip.source))
+                items.append(Item(clip, gesture, recording.subject, clip.source))
     return items
 
 
