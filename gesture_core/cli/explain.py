@@ -143,8 +143,8 @@ def _print_examples(found: Explanation) -> None:
         rows.append([counted(len(rest), "more example"), "", "", f"{sum(v.added for v in rest):+.3f}"])
     if rows:
         print_table(["example", "label", "distance", favours], rows, right=["distance", favours])
-    if found.members:
+    if len(found.members) > 1:
         said = ", ".join(f"{name} {added:+.3f}" for name, added in found.members)
-        print(f"{said}: together the margin, {found.lead:.3g}")
+        print(f"all examples decide: {said}; together the margin, {found.lead:.3g}")
     else:
         print(f"all examples decide; their contributions add up to the margin, {found.lead:.3g}")

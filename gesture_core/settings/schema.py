@@ -143,7 +143,7 @@ class ClassifySettings(_Section):
     kernel : str
         Name of a distance kernel, or ``auto``.
     classifier : str
-        Name of a classifier. ``auto`` is ``nearest`` with `neighbors` of 1 or more, and ``weighed`` with 0.
+        Name of a classifier. ``auto`` is ``nearest`` with `neighbors` of 1 or more, and ``blend`` with 0.
     neighbors : int
         Of ``nearest``: how many of the nearest examples vote. Of ``auto``: with 0, all examples decide, and
         the weight of each for each class is learned from the distances among them.
@@ -216,7 +216,7 @@ class ClassifySettings(_Section):
     def decides(self) -> str:
         """The classifier, where ``auto`` is none."""
         if self.classifier == "auto":
-            return "nearest" if self.neighbors else "weighed"
+            return "nearest" if self.neighbors else "blend"
         return self.classifier
 
     @property
