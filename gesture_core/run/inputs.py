@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
-from gesture_core.files import look_at, made_up, printable
+from gesture_core.files import look_at, made_up, passed_over, printable
 from gesture_core.records import Job
 from gesture_core.run.addresses import drop, entries, fetch, is_address, local_path, shown
 from gesture_core.run.readers import Readers
@@ -134,9 +134,8 @@ def discover(
     Returns
     -------
     list of Input
-        Each once, sorted by name within a folder. Names that begin with a dot, and the journals of
-        runs, are passed over. A pattern that matches nothing is ``broken`` where another source holds
-        anything.
+        Each once, sorted by name within a folder. What is hidden (`files.passed_over`) and the journals
+        of runs are left out. A pattern that matches nothing is ``broken`` where another holds anything.
 
     Warns
     -----
@@ -309,7 +308,7 @@ class Walk:
         except OSError as error:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
-        entries = [e for e in entries if not e.name.startswith(".") and e.name not in OWN_FILES]
+        entries = [e for e in entries if not passed_over(e.name) and e.name not in OWN_FILES]
         files = [entry for entry in entries if entry not in folders and not self._is_video(entry)]
         self._readers.expect(files)
         reader, fault = self._readers.of(folder, {file.suffix.lower() for file in files})
