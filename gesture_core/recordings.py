@@ -232,7 +232,7 @@ def as_recording(item: Any, source: str, fps: float) -> Recording:
     SignalError
         Those of `Recording`, and E_DTYPE for what holds no numbers.
     """
-    names = _columns(item)
+    names = columns_of(item)
     if names is None:
         values = _numbers(item, source, "the array")
         values = values[:, None] if values.ndim == 1 else values
@@ -252,7 +252,7 @@ def as_recording(item: Any, source: str, fps: float) -> Recording:
     )
 
 
-def _columns(item: Any) -> list[Any] | None:
+def columns_of(item: Any) -> list[Any] | None:
     """The names of a frame's columns; None for what is no frame."""
     names = getattr(item, "column_names", None)  # of PyArrow, whose columns are arrays
     names = getattr(item, "columns", None) if names is None else names
