@@ -169,7 +169,7 @@ def _fail(text: str, code: int, traced: bool) -> int:
 
 
 def _refuse_empty(arguments: Sequence[str]) -> None:
-    """Refuse an empty text, as of a variable of the shell that is not set: it would be the working directory."""
+    """Refuse an empty text, as of an unset variable of the shell: it would be the working directory."""
     for place, word in enumerate(arguments):
         if not word or _EMPTY.fullmatch(word):
             before = word or arguments[place - 1] if place else "an argument"
