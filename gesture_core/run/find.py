@@ -21,6 +21,7 @@ from gesture_core.run.store import Extracted, keypoint_store
 from gesture_core.run.workers.engines import ProcessEngine
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.spot.find import Hit, Query
+from gesture_core.spot.signals import refuse_channels
 
 if TYPE_CHECKING:
     from gesture_core.run.workers.worker import Worker
@@ -103,6 +104,7 @@ def find(
     ready = with_changes(settings, changes)
     items: list[Input] = []
     failed: dict[str, tuple[str, str]] = {}
+    refuse_channels(ready)
     if len(sources) == 1 and (Path(sources[0]) / DATABASE).is_file():
         with open_results(sources[0]) as results:
             names = dict.fromkeys(row.input for row in results.rows() if row.code != Code.NOT_AN_INPUT)

@@ -115,6 +115,10 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         settings (E_CONFIG_CHANGED). The results are as they were.
     """
     settings, shard = request.settings, None
+    if request.spot:
+        from gesture_core.spot.signals import refuse_channels
+
+        refuse_channels(settings)
     if request.shard:
         from gesture_core.run.shards import Shard
 

@@ -133,6 +133,8 @@ class Readers:
         if self.channels:
             return "no series of channels, which signals.input = channels (--preset sensors) wants"
         known = _OTHERS.get(path.suffix.lower())
+        if self._is_series(path):
+            known = "series of channels, which --preset sensors reads"
         return "neither a video nor a keypoint file" + (f", but {known}" if known else "")
 
     def _is_series(self, path: Path) -> bool:
@@ -155,6 +157,15 @@ class Readers:
         task = {"reader": reader.name, "paths": [encoded(path) for path in paths]}
         answers = self._assistant.ask("accepts", task, retry=retry)
         return [answer if isinstance(answer, bool) else (answer[0], answer[1]) for answer in answers]
+
+
+def is_text_of_series(path: Path) -> bool:
+    """Whether a ``.ts`` is the text of the UEA archive and no video, which is called so as well."""
+    if path.suffix.lower() != ".ts" or not path.is_file():
+        return False
+    with suppress(OSError), path.open("rb") as file:
+        return file.read(1) in (b"#", b"@")
+    return False
 
 
 def _may_take(reader: Registration, path: Path, inside: Set[str] | None = None) -> bool:
