@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from gesture_core.errors import GestureError, InputError
+from gesture_core.errors import ConfigError, GestureError, InputError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -343,3 +343,12 @@ def code_sha256(module: str) -> str:
 def tree_sha256(tree: Any) -> str:
     """SHA-256 of a tree of plain values, whatever the order of its keys."""
     return hashlib.sha256(json.dumps(tree, sort_keys=True, ensure_ascii=True).encode()).hexdigest()
+
+
+def check_local(path: Path, what: str) -> None:
+    """Raise ``E_OUT`` where a path to be written to is an address: a folder ``s3:`` is what nobody means."""
+    if re.match(r"[A-Za-z][\w+.-]+:/", path.as_posix()):
+        raise ConfigError(
+            f"{what} is an address", remedy="a place on this machine, and gesture export --to ADDRESS",
+            code="E_OUT",
+        )  # fmt: skip

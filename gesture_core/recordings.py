@@ -1,36 +1,25 @@
-"""`Recording`: what sensors and other devices give instead of people, channels over time; and its names.
-
-Channels belong to groups that share a unit, such as the axes of an accelerometer. A group is what stands in
-the name of a channel before a ``/``; `grouped` finds it in the names of columns as devices write them.
-"""
+"""`Recording`: what sensors and other devices give instead of people, channels over time; and its times."""
 
 from __future__ import annotations
 
-import re
+import warnings
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 
+from gesture_core.channel_names import grouped, is_channel, numbered, per_second_of, time_scale, unit_of_time
 from gesture_core.errors import SignalError
 
-_UNIT = re.compile(r"\s*[\[(]\s*(?P<unit>[^\[\]()]{1,20}?)\s*[\])]\s*$")
-_AXIS = re.compile(r"(?P<stem>.*?)[\s_.:-]*(?P<axis>[xyzwXYZW])")
-_ODD = re.compile(r"[\s/.@\[\]]+")
-_TIME = re.compile(
-    r"(?:(?:sample|sensor|system|unix)[\s_]?)?(?:t|time|times|timestamps?|seconds?|secs?)", re.I
-)
-_PER_SECOND = {
-    "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e3, "msec": 1e3, "millis": 1e3,
-    "us": 1e6, "µs": 1e6, "micros": 1e6, "ns": 1e9, "nanos": 1e9,
-}  # fmt: skip
-_SLOWEST = 60.0
-"""Seconds from sample to sample: a movement is over by then, or these are no seconds."""
-
+_SLOWEST, _UNSAID = 60.0, 2.0
+"""Seconds from sample to sample: a movement is over by then, or these are no seconds; and the same of times
+whose unit nobody says."""
 _LATEST = 1e11
 """Seconds of a date: the year 5138."""
+_DATES = 9.4e8, 4.1e9
+"""Seconds since 1970 of the years 2000 to 2100: nothing else has such numbers, in whatever unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,86 +114,40 @@ class Recording:
         return int(self.seen.any(axis=1).sum())
 
 
-def grouped(names: Sequence[str], groups: Mapping[str, str] | None = None) -> tuple[str, ...]:
-    """Channels for columns that are called ``names``.
+def seconds(values: np.ndarray, name: str, source: str, per_second: float = 0.0) -> np.ndarray:
+    """Times in seconds, of a column called ``name``; E_SIGNAL_TIMES where they can be none.
 
-    Names that differ in a last letter x, y, z or w are one group; any other channel is one by itself. A name
-    with a ``/`` says its group. ``groups`` are those of channels by the name of their column.
-
-    Examples
-    --------
-    >>> grouped(["accX", "accY", "gyro_z [deg/s]", "gyro_x [deg/s]", "force"])
-    ('acc/x', 'acc/y', 'gyro/z[deg/s]', 'gyro/x[deg/s]', 'force')
+    Parameters
+    ----------
+    values : (T,) array
+        Without a unit in the name, dates of this century say theirs by their size.
+    per_second : float
+        Units in a second; 0 where the name says it, or they are seconds.
     """
-    units = [_UNIT.search(name) for name in names]
-    bare = [name[: unit.start()] if unit else name for name, unit in zip(names, units, strict=True)]
-    axes = [_AXIS.fullmatch(name.strip()) for name in bare]
-    stems = Counter(axis["stem"].casefold() for axis in axes if axis and axis["stem"])
-    channels = []
-    for own, name, axis, unit in zip(names, bare, axes, units, strict=True):
-        group, slash, rest = name.partition("/")
-        if own in (groups or {}):
-            group, slash, rest = (groups or {})[own], "/", name
-        elif not slash and axis and stems[axis["stem"].casefold()] > 1:
-            group, slash, rest = axis["stem"], "/", axis["axis"].lower()
-        plain = [_ODD.sub("_", part.strip()) for part in (group, rest)]
-        channels.append(f"{plain[0]}{slash}{plain[1]}" + (f"[{_plain_unit(unit['unit'])}]" if unit else ""))
-    return tuple(channels)
-
-
-def _plain_unit(unit: str) -> str:
-    return _ODD.sub("_", unit.replace("/", "|")).replace("|", "/")
-
-
-def numbered(count: int) -> tuple[str, ...]:
-    """Channels without names: one group, as nobody says that their units differ."""
-    return tuple(f"channel/{number}" for number in range(1, count + 1))
-
-
-def time_scale(name: str) -> float | None:
-    """Units in a second of a column of times that is called ``name``; None where it is none.
-
-    Examples
-    --------
-    >>> [time_scale(name) for name in ("time", "Timestamp [ms]", "time_us", "temperature")]
-    [1.0, 1000.0, 1000000.0, None]
-    """
-    unit, text = _UNIT.search(name), name.strip().casefold()
-    if unit:
-        text, said = name[: unit.start()].strip().casefold(), unit["unit"].casefold()
-    else:
-        text, _, said = (
-            text.rpartition("_")
-            if "_" in text and text.rpartition("_")[2] in _PER_SECOND
-            else (text, "", "s")
-        )
-    return _PER_SECOND.get(said) if _TIME.fullmatch(text) else None
-
-
-def seconds(values: np.ndarray, per_second: float, source: str) -> np.ndarray:
-    """Times in seconds since the first; E_SIGNAL_TIMES where they can be none."""
     times = np.asarray(values, np.float64)
-    if len(times) and abs(float(times[0]) / per_second) > _LATEST:
+    said = per_second or unit_of_time(name)
+    scale = per_second or per_second_of(name)
+    first = abs(float(times[0])) if len(times) else 0.0
+    if not said:
+        dates = [unit for unit in (1.0, 1e3, 1e6, 1e9) if _DATES[0] < first / unit < _DATES[1]]
+        scale = dates[0] if dates else scale
+        said = bool(dates)
+    remedy = "the unit in the name of the column of times, such as time_ms, or --set series.per_second=1000"
+    if first / scale > _LATEST:
         raise SignalError(
-            f"its times begin at {times[0] / per_second:g} s, which is no date: they are of another unit",
-            subject=source,
-            remedy="the unit in the name of the column of times, such as time_ms",
-            code="E_SIGNAL_TIMES",
-        )
-    times = (times - times[0]) / per_second if len(times) else times
-    if len(times) > 1 and not times.any():
+            f"its times begin at {first / scale:g} s, which is no date: they are of another unit",
+            subject=source, remedy=remedy, code="E_SIGNAL_TIMES",
+        )  # fmt: skip
+    times = times / scale
+    if len(times) > 1 and not np.ptp(times):
         raise SignalError(
             f"all its {len(times)} times are the same", subject=source, remedy="a column of times that go on",
             code="E_SIGNAL_TIMES",
         )  # fmt: skip
     usual = float(np.median(np.abs(np.diff(times)))) if len(times) > 1 else 0.0
-    if usual > _SLOWEST:
-        raise SignalError(
-            f"its samples are {usual:g} s apart, which shows no movement",
-            subject=source,
-            remedy="the unit in the name of the column of times, such as time_ms",
-            code="E_SIGNAL_TIMES",
-        )
+    if usual > (_SLOWEST if said else _UNSAID):
+        cause = f"its samples are {usual:g} s apart, which shows no movement"
+        raise SignalError(cause, subject=source, remedy=remedy, code="E_SIGNAL_TIMES")
     return times
 
 
@@ -240,16 +183,35 @@ def as_recording(item: Any, source: str, fps: float) -> Recording:
             cause = f"an array of shape {values.shape}"
             raise SignalError(cause, subject=source, remedy="(T, D)", code="E_SIGNAL_SHAPE")
         return Recording(values, np.arange(len(values)) / fps, numbered(values.shape[1]), source)
+    clock = next((name for name in names if time_scale(str(name)) is not None), None)
+    others = [name for name in names if name != clock and not is_channel(str(name))]
+    if others and len(others) + (clock is not None) < len(names):
+        warnings.warn(
+            f"left out, as their names say that they count or label: {', '.join(map(str, others))}; "
+            "rename what is a channel",
+            stacklevel=2,
+        )
+        names = [name for name in names if name not in others]
     columns = {str(name): _numbers(item[name], source, f"column {name!r}") for name in names}
-    clocks = [name for name in columns if time_scale(name) is not None]
-    for name in clocks[:1]:
-        times = seconds(columns.pop(name), time_scale(name) or 1.0, source)
+    times = np.arange(len(next(iter(columns.values()), ()))) / fps
+    if clock is not None:
+        times = seconds(columns.pop(str(clock)), str(clock), source)
+    elif (index := getattr(item, "index", None)) is not None and getattr(index, "dtype", None) is not None:
+        times = _by_index(np.asarray(index), times)
     if not columns:
         raise SignalError("holds no channel", subject=source, code="E_SIGNAL_SHAPE")
-    values = np.stack(list(columns.values()), axis=1)
     return Recording(
-        values, times if clocks else np.arange(len(values)) / fps, grouped(list(columns)), source
+        np.stack(list(columns.values()), axis=1), times - times[:1], grouped(list(columns)), source
     )
+
+
+def _by_index(index: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    """The times that the index of a frame tells, in dates, durations or fractions of seconds."""
+    if index.dtype.kind == "M":
+        return dated(index)
+    if index.dtype.kind == "m":
+        return index / np.timedelta64(1, "s")
+    return index if index.dtype.kind == "f" else otherwise
 
 
 def columns_of(item: Any) -> list[Any] | None:

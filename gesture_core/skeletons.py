@@ -1,4 +1,4 @@
-"""Joint names, limbs, groups and mirrors of the skeletons that files and networks use, and maps between them.
+"""The skeletons that files and networks use: joints, limbs, mirrors, groups, and maps between them.
 
 COCO-18, the layout of OpenPose's COCO network (Cao et al. 2017), is the canonical body: what a chain does not
 ask for by name is mapped to it. Joints of the same name are the same joint in every skeleton, so that a map
@@ -8,7 +8,6 @@ needs no table. To a body, ``+hands`` and ``+face`` in its name add the joints o
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -16,6 +15,22 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from gesture_core.errors import KeypointError
+from gesture_core.joints import (
+    ARMS,
+    FACE,
+    FACE_LIMBS,
+    FACE_POINTS,
+    HAND,
+    HAND_LIMBS,
+    HANDS,
+    HEAD,
+    LEGS,
+    NECK_LIMBS,
+    TORSO,
+    face_joints,
+    group_of,
+    other_side,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,126 +84,7 @@ class Skeleton:
         return tuple(places.get(other_side(name), index) for name, index in places.items())
 
 
-def other_side(name: str) -> str:
-    """Name of a joint or channel on the other side of the body; itself on the body's middle line."""
-    if name.startswith("left_"):
-        return "right_" + name.removeprefix("left_")
-    if name.startswith("right_"):
-        return "left_" + name.removeprefix("right_")
-    return name
-
-
-GROUPS = ("body", "feet", "left_hand", "right_hand", "face", "spine")
-"""What joints belong to."""
-PARTS: Mapping[str, tuple[str, ...]] = {
-    "body": ("body", "feet", "spine"),
-    "hands": ("left_hand", "right_hand"),
-    "face": ("face",),
-}
-"""The groups of what can be asked for by name."""
-FINGERS = ("thumb", "index", "middle", "ring", "pinky")
-_KNUCKLES = {finger: ("mcp", "pip", "dip", "tip") for finger in FINGERS} | {
-    "thumb": ("cmc", "mcp", "ip", "tip")
-}
-_HAND = ("hand_wrist", *(f"{finger}_{place}" for finger in FINGERS for place in _KNUCKLES[finger]))
-_HANDS = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in _HAND)
-_HAND_LIMBS = tuple(
-    (f"{side}_{one}", f"{side}_{other}")
-    for side in ("left", "right")
-    for one, other in (
-        *(("hand_wrist", f"{finger}_{_KNUCKLES[finger][0]}") for finger in FINGERS),
-        *(
-            (f"{finger}_{one}", f"{finger}_{other}")
-            for finger in FINGERS
-            for one, other in itertools.pairwise(_KNUCKLES[finger])
-        ),
-        *((f"{one}_mcp", f"{other}_mcp") for one, other in itertools.pairwise(FINGERS[1:])),
-    )
-)
-# Points of a face that have a name: where the 68 of Multi-PIE have them (Gross et al. 2010; the first of the
-# 70 of OpenPose and the 68 of COCO-WholeBody and Halpe), and where the 468 of MediaPipe.
-_FACE_POINTS: Mapping[str, tuple[int, int]] = {
-    "right_brow_outer": (17, 70), "right_brow_middle": (19, 105), "right_brow_inner": (21, 107),
-    "left_brow_inner": (22, 336), "left_brow_middle": (24, 334), "left_brow_outer": (26, 300),
-    "right_eye_outer": (36, 33), "right_eye_inner": (39, 133),
-    "left_eye_inner": (42, 362), "left_eye_outer": (45, 263),
-    "right_lid_upper": (37, 159), "right_lid_lower": (41, 145),
-    "left_lid_upper": (44, 386), "left_lid_lower": (46, 374),
-    "right_mouth": (48, 61), "left_mouth": (54, 291),
-    "upper_lip": (62, 13), "lower_lip": (66, 14), "nose_tip": (30, 1), "chin": (8, 152),
-}  # fmt: skip
-FACE = tuple(_FACE_POINTS)
-_FACE_LIMBS = (
-    *((f"{side}_brow_{one}", f"{side}_brow_{two}")
-      for side in ("left", "right") for one, two in (("outer", "middle"), ("middle", "inner"))),
-    *((f"{side}_{one}", f"{side}_{two}") for side in ("left", "right") for one, two in (
-        ("eye_outer", "lid_upper"), ("lid_upper", "eye_inner"), ("eye_inner", "lid_lower"),
-        ("lid_lower", "eye_outer"), ("mouth", "upper_lip"), ("mouth", "lower_lip"))),
-)  # fmt: skip
-_FEET = ("ankle", "foot", "heel", "big_toe", "small_toe", "foot_index")
-_SPINE = {"mid_hip", "spine", "spine1", "spine2", "spine3", "chest", "upper_neck", "left_collar"}
-_SPINE |= {"right_collar"}
-_OWN_HAND = {"hand", "hand_tip", "thumb", "index", "pinky", *_HAND}
-
-
-@cache
-def group_of(joint: str) -> str:
-    """The one of `GROUPS` that a joint belongs to."""
-    part = joint.removeprefix("left_").removeprefix("right_")
-    if joint in _SPINE:
-        return "spine"
-    if part in _FEET[1:]:
-        return "feet"
-    if part in _OWN_HAND and joint != part:
-        return f"{joint.removesuffix(part)}hand"
-    return "face" if joint in _FACE_POINTS or joint.startswith("face_") else "body"
-
-
-def is_fine(joint: str) -> bool:
-    """Whether a joint is one of the 21 of a hand, or of the many of a face."""
-    return joint in _HANDS or (group_of(joint) == "face" and joint not in BLAZEPOSE33.joints)
-
-
-def _face(count: int) -> tuple[str, ...]:
-    """Names of the points of a face of so many; those that have none are numbered."""
-    named = {places[count > 70]: name for name, places in _FACE_POINTS.items()}
-    return tuple(named.get(place, f"face_{place}") for place in range(count))
-
-
 _MIDDLE_NECK = {"neck": ("left_shoulder", "right_shoulder")}
-_ARMS = (
-    ("right_shoulder", "right_elbow"),
-    ("right_elbow", "right_wrist"),
-    ("left_shoulder", "left_elbow"),
-    ("left_elbow", "left_wrist"),
-)
-_LEGS = (
-    ("right_hip", "right_knee"),
-    ("right_knee", "right_ankle"),
-    ("left_hip", "left_knee"),
-    ("left_knee", "left_ankle"),
-)
-_NECK_LIMBS = (
-    ("neck", "right_shoulder"),
-    ("neck", "left_shoulder"),
-    *_ARMS,
-    ("neck", "right_hip"),
-    ("neck", "left_hip"),
-    *_LEGS,
-)
-_HEAD = (
-    ("nose", "right_eye"),
-    ("right_eye", "right_ear"),
-    ("nose", "left_eye"),
-    ("left_eye", "left_ear"),
-)
-_TORSO = (
-    ("left_shoulder", "right_shoulder"),
-    ("left_shoulder", "left_hip"),
-    ("right_shoulder", "right_hip"),
-    ("left_hip", "right_hip"),
-)
-
 COCO18 = Skeleton(
     "coco18",
     (
@@ -199,7 +95,7 @@ COCO18 = Skeleton(
         "left_hip", "left_knee", "left_ankle",
         "right_eye", "left_eye", "right_ear", "left_ear",
     ),
-    (*_NECK_LIMBS, ("neck", "nose"), *_HEAD),
+    (*NECK_LIMBS, ("neck", "nose"), *HEAD),
 )  # fmt: skip
 
 COCO17 = Skeleton(
@@ -209,7 +105,7 @@ COCO17 = Skeleton(
         "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
         "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
     ),
-    (*_TORSO, *_ARMS, *_LEGS, *_HEAD),
+    (*TORSO, *ARMS, *LEGS, *HEAD),
     _MIDDLE_NECK,
 )  # fmt: skip
 
@@ -226,7 +122,7 @@ BODY25 = Skeleton(
         "left_big_toe", "left_small_toe", "left_heel",
         "right_big_toe", "right_small_toe", "right_heel",
     ),
-    (*_NECK_LIMBS, ("neck", "nose"), *_HEAD),
+    (*NECK_LIMBS, ("neck", "nose"), *HEAD),
 )  # fmt: skip
 
 MPI15 = Skeleton(
@@ -239,7 +135,7 @@ MPI15 = Skeleton(
         "left_hip", "left_knee", "left_ankle",
         "chest",
     ),
-    (*_NECK_LIMBS, ("neck", "head_top")),
+    (*NECK_LIMBS, ("neck", "head_top")),
 )  # fmt: skip
 
 BLAZEPOSE33 = Skeleton(
@@ -254,7 +150,7 @@ BLAZEPOSE33 = Skeleton(
         "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
         "left_heel", "right_heel", "left_foot_index", "right_foot_index",
     ),
-    (*_TORSO, *_ARMS, *_LEGS),
+    (*TORSO, *ARMS, *LEGS),
     _MIDDLE_NECK,
 )  # fmt: skip
 
@@ -265,7 +161,7 @@ HALPE26 = Skeleton(
         "head_top", "neck", "mid_hip",
         "left_big_toe", "right_big_toe", "left_small_toe", "right_small_toe", "left_heel", "right_heel",
     ),
-    (*_NECK_LIMBS, ("neck", "head_top"), *_HEAD),
+    (*NECK_LIMBS, ("neck", "head_top"), *HEAD),
 )  # fmt: skip
 
 H36M17 = Skeleton(
@@ -278,7 +174,7 @@ H36M17 = Skeleton(
         "left_shoulder", "left_elbow", "left_wrist",
         "right_shoulder", "right_elbow", "right_wrist",
     ),
-    (*_NECK_LIMBS, ("neck", "nose"), ("nose", "head_top")),
+    (*NECK_LIMBS, ("neck", "nose"), ("nose", "head_top")),
 )  # fmt: skip
 
 # Of Kinect's joints the centre of the shoulders is what others call the neck.
@@ -291,7 +187,7 @@ KINECT20 = Skeleton(
         "left_hip", "left_knee", "left_ankle", "left_foot",
         "right_hip", "right_knee", "right_ankle", "right_foot",
     ),
-    (*_NECK_LIMBS, ("neck", "head")),
+    (*NECK_LIMBS, ("neck", "head")),
 )  # fmt: skip
 
 KINECT25 = Skeleton(
@@ -305,7 +201,7 @@ KINECT25 = Skeleton(
         "neck",
         "left_hand_tip", "left_thumb", "right_hand_tip", "right_thumb",
     ),
-    (*_NECK_LIMBS, ("neck", "head")),
+    (*NECK_LIMBS, ("neck", "head")),
 )  # fmt: skip
 
 # Azure's order: the spine first, then the arms, the legs and the head.
@@ -321,7 +217,7 @@ KINECT32 = Skeleton(
         "right_hip", "right_knee", "right_ankle", "right_foot",
         "head", "nose", "left_eye", "left_ear", "right_eye", "right_ear",
     ),
-    (*_NECK_LIMBS, ("neck", "nose"), *_HEAD),
+    (*NECK_LIMBS, ("neck", "nose"), *HEAD),
 )  # fmt: skip
 
 SMPL22 = Skeleton(
@@ -332,27 +228,27 @@ SMPL22 = Skeleton(
         "left_collar", "right_collar", "head",
         "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
     ),
-    (*_NECK_LIMBS, ("neck", "head")),
+    (*NECK_LIMBS, ("neck", "head")),
 )  # fmt: skip
 
-_LEFT, _RIGHT = _HANDS[: len(_HAND)], _HANDS[len(_HAND) :]
+_LEFT, _RIGHT = HANDS[: len(HAND)], HANDS[len(HAND) :]
 _WRISTS = {f"{side}_wrist": (f"{side}_hand_wrist",) * 2 for side in ("left", "right")}
 
 
 def _hands(name: str, joints: tuple[str, ...]) -> Skeleton:
     wrists = {joint: pair for joint, pair in _WRISTS.items() if pair[0] in joints}
-    limbs = tuple(limb for limb in _HAND_LIMBS if limb[0] in joints)
+    limbs = tuple(limb for limb in HAND_LIMBS if limb[0] in joints)
     return Skeleton(name, joints, limbs, wrists, COCO18.name)
 
 
 LEFT_HAND, RIGHT_HAND = _hands("left_hand21", _LEFT), _hands("right_hand21", _RIGHT)
-HANDS42 = _hands("hands42", _HANDS)
+HANDS42 = _hands("hands42", HANDS)
 
 
 def _whole(name: str, body: Skeleton, *rest: str) -> Skeleton:
     """``body`` and further joints."""
     there = {*body.joints, *rest}
-    limbs = (*body.limbs, *(limb for limb in (*_HAND_LIMBS, *_FACE_LIMBS) if there.issuperset(limb)))
+    limbs = (*body.limbs, *(limb for limb in (*HAND_LIMBS, *FACE_LIMBS) if there.issuperset(limb)))
     return Skeleton(name, (*body.joints, *rest), limbs, body.derived, body.name)
 
 
@@ -361,26 +257,26 @@ def _with_feet(joints: Sequence[str]) -> tuple[str, ...]:
 
 
 _TOES = _with_feet(("big_toe", "small_toe", "heel"))
-COCO133 = _whole("coco133", COCO17, *_TOES, *_face(68), *_HANDS)
-HALPE136 = _whole("halpe136", HALPE26, *_face(68), *_HANDS)
+COCO133 = _whole("coco133", COCO17, *_TOES, *face_joints(68), *HANDS)
+HALPE136 = _whole("halpe136", HALPE26, *face_joints(68), *HANDS)
 # OpenPose keeps its parts in lists of their own; files that join them have the face first or last.
-OPENPOSE137 = _whole("openpose137", BODY25, *_face(70), *_HANDS)
-OPENPOSE137_HANDS = _whole("openpose137-hands", BODY25, *_HANDS, *_face(70))
-OPENPOSE130 = _whole("openpose130", COCO18, *_face(70), *_HANDS)
-OPENPOSE127 = _whole("openpose127", MPI15, *_face(70), *_HANDS)
-MEDIAPIPE75 = _whole("mediapipe75", BLAZEPOSE33, *_HANDS)
+OPENPOSE137 = _whole("openpose137", BODY25, *face_joints(70), *HANDS)
+OPENPOSE137_HANDS = _whole("openpose137-hands", BODY25, *HANDS, *face_joints(70))
+OPENPOSE130 = _whole("openpose130", COCO18, *face_joints(70), *HANDS)
+OPENPOSE127 = _whole("openpose127", MPI15, *face_joints(70), *HANDS)
+MEDIAPIPE75 = _whole("mediapipe75", BLAZEPOSE33, *HANDS)
 
 
 # The body's own corners of the eyes and the mouth are rougher than those of the face.
 _ROUGH = tuple(
-    f"{joint.partition('_')[0]}_pose_{joint.partition('_')[2]}" if joint in _FACE_POINTS else joint
+    f"{joint.partition('_')[0]}_pose_{joint.partition('_')[2]}" if joint in FACE_POINTS else joint
     for joint in BLAZEPOSE33.joints
 )
 _MP543 = replace(BLAZEPOSE33, joints=_ROUGH)
-MEDIAPIPE543 = _whole("mediapipe543", _MP543, *_face(468), *_HANDS)
+MEDIAPIPE543 = _whole("mediapipe543", _MP543, *face_joints(468), *HANDS)
 # The order of tables: the face, the left hand, the body, the right hand.
 MEDIAPIPE543_FACE = replace(
-    MEDIAPIPE543, name="mediapipe543-face", joints=(*_face(468), *_LEFT, *_ROUGH, *_RIGHT)
+    MEDIAPIPE543, name="mediapipe543-face", joints=(*face_joints(468), *_LEFT, *_ROUGH, *_RIGHT)
 )
 
 SKELETONS: Mapping[str, Skeleton] = MappingProxyType(
@@ -393,6 +289,12 @@ SKELETONS: Mapping[str, Skeleton] = MappingProxyType(
         )
     }
 )  # fmt: skip
+
+
+def is_fine(joint: str) -> bool:
+    """Whether a joint is one of the 21 of a hand, or of the many of a face."""
+    return joint in HANDS or (group_of(joint) == "face" and joint not in BLAZEPOSE33.joints)
+
 
 # What may stand in for a joint of COCO-18 where a file has no such joint: first what is there counts.
 _STAND_INS: tuple[tuple[str, tuple[str, str]], ...] = (
@@ -419,7 +321,7 @@ def skeleton_of(joints: Sequence[str]) -> Skeleton:
     for joint, parents in _STAND_INS:
         if joint not in names and set(parents) <= set(names):
             derived.setdefault(joint, parents)
-    limbs = tuple(limb for limb in (*_NECK_LIMBS, ("neck", "nose"), *_HEAD) if set(limb) <= set(names))
+    limbs = tuple(limb for limb in (*NECK_LIMBS, ("neck", "nose"), *HEAD) if set(limb) <= set(names))
     return Skeleton("named", names, limbs, derived)
 
 
@@ -440,7 +342,7 @@ def skeleton(name: str) -> Skeleton:
             code="E_SKELETON",
         )
     body = SKELETONS[base]
-    more = [joint for part in parts for joint in (_HANDS if part == "hands" else FACE)]
+    more = [joint for part in parts for joint in (HANDS if part == "hands" else FACE)]
     return _whole(name, body, *(joint for joint in more if joint not in body.joints)) if parts else body
 
 

@@ -73,7 +73,7 @@ def _fetched(name: str, tmp_path_factory: pytest.TempPathFactory) -> ModelFile:
         patch.setenv("GESTURE_MODELS", str(tmp_path_factory.mktemp("fetched")))
         patch.delenv("GESTURE_OFFLINE", raising=False)
         try:
-            return get_model(name)[0]
+            return get_model(name)
         except ModelError as error:
             if error.code != "E_MODEL_URL":
                 raise

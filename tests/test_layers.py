@@ -15,9 +15,9 @@ CORE = ROOT / "gesture_core"
 HEAVY = {"jax", "torch", "cv2", "onnxruntime", "numba", "pyarrow", "av", "sklearn", "matplotlib"}
 FLOORS = [
     {"errors", "files", "cores", "colours", "__init__"},
-    {"skeletons", "joint_names"},
+    {"joints", "skeletons", "joint_names"},
     {"dtw.spec"},
-    {"records", "recordings", "types", "plugin"},
+    {"records", "channel_names", "recordings", "types", "plugin"},
     {"settings"},
     {"video", "pose", "signals", "dtw", "demo"},
     {"classify"},
@@ -119,16 +119,18 @@ PUBLIC_FOR = {
         "files",
         "plugin.hooks",
         "joint_names",
+        "joints",
         "plugin.interfaces",
         "plugin.reading",
         "pose",
+        "channel_names",
         "recordings",
         "skeletons",
         "types",
     },
     "gesture_pose_onnx": {"errors", "plugin.hooks", "pose"},
     "gesture_pose_opencv": {"errors", "plugin.hooks", "pose"},
-    "gesture_signals": {"errors", "plugin.hooks", "skeletons", "types"},
+    "gesture_signals": {"errors", "joints", "plugin.hooks", "skeletons", "types"},
     "gesture_video": {"errors", "plugin.hooks", "records", "video"},
 }
 """Modules below ``gesture_core`` from which a plugin may import what their ``__all__`` lists, or all where

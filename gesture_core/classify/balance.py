@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -18,8 +19,8 @@ def balanced(series: Sequence[Series], settings: Settings) -> Settings:
     """``settings`` with the ``dtw.weights`` that ``classify.balance`` and ``classify.weights`` ask for.
 
     What a group costs is divided by the variances of its channels over all frames of ``series``, summed, so
-    that neither a unit nor a number of channels makes it count for more, and multiplied by its weight. What
-    never changes counts for nothing.
+    that neither a unit nor a number of channels makes it count for more, and multiplied by its weight. The
+    groups of a stream (``acc@imu``) count for one together. What never changes counts for nothing.
 
     Raises
     ------
@@ -35,9 +36,14 @@ def balanced(series: Sequence[Series], settings: Settings) -> Settings:
     groups = parts(signals[0].channels)
     factors = _factors(chosen.weights, list(groups))
     weights = np.zeros(len(signals[0].channels))
-    for columns, factor in zip(groups.values(), factors, strict=True):
-        spread = _spread(signals, columns) if chosen.balance else 1.0
-        weights[columns] = factor / spread if spread > 0 else 0.0
+    spreads = [_spread(signals, columns) if chosen.balance else 1.0 for columns in groups.values()]
+    streams = [_stream(name) for name in groups]
+    moving = Counter(
+        name for name, spread, factor in zip(streams, spreads, factors, strict=True) if spread and factor
+    )
+    for columns, factor, spread, stream in zip(groups.values(), factors, spreads, streams, strict=True):
+        share = moving[stream] if stream and chosen.balance else 1
+        weights[columns] = factor / spread / share if spread and factor else 0.0
     if not weights.any():
         raise SignalError(
             "no channel of any example changes, or none has a weight",
@@ -47,6 +53,11 @@ def balanced(series: Sequence[Series], settings: Settings) -> Settings:
     own = settings.dtw.weights
     weights = weights if own is None or len(own) != len(weights) else weights * np.array(own)
     return replace(settings, dtw=settings.dtw.replace(weights=tuple(weights.tolist())))
+
+
+def _stream(group: str) -> str:
+    """The stream of a group, as a folder of files in step names it, with its kind: ``imu.velocity``."""
+    return group.partition("@")[2]
 
 
 def _spread(signals: Sequence[Signals], columns: Sequence[int]) -> float:

@@ -126,8 +126,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
             then stays as it was.
         """
         settings = self._resolve()
-        first = next(iter(X), None)  # X[0] of a Series is what has that index
-        if self.reject is None and first is not None and not isinstance(first, PoseSequence | Signals):
+        if self.reject is None and len(X) > 0 and not isinstance(next(iter(X)), PoseSequence | Signals):
             # A preset's distance is in the unit of its own chain, which bare arrays do not have.
             settings = replace(settings, classify=replace(settings.classify, reject=None))
         fitted = Recognizer.fit(settings, X, y, names, alive=alive, stacklevel=2)

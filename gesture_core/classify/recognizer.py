@@ -101,6 +101,7 @@ class Recognizer:
 
         Pairs in ``known`` are not compared again; it learns those that are.
         """
+        _refuse_frame(X)
         if len(X) != len(y):
             raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
         check_settings(settings)
@@ -301,8 +302,33 @@ def signals_of(X: Sequence[Item], settings: Settings, name: str) -> list[Signals
         raise InputError(f"one {type(X).__name__} instead of a sequence of them", remedy="a list: [it]")
     if isinstance(X, str | os.PathLike):
         raise _not_loaded(X)
+    _refuse_frame(X)
+    _warn_of_axes(X)
     chain = Chain.from_settings(settings)
     return [_signals_of(item, chain, f"{name} {index}") for index, item in enumerate(X)]
+
+
+def _refuse_frame(X: Sequence[Item]) -> None:
+    """Refuse a data frame, in which sktime keeps many series."""
+    if hasattr(X, "columns"):
+        raise InputError(
+            "one data frame instead of a sequence of them",
+            remedy="[frame] for one series; [one for _, one in X.groupby(level=0)] where the first level of "
+            "its index numbers them; a list of (T, D) arrays where its cells hold series",
+            code="E_DTYPE",
+        )
+
+
+def _warn_of_axes(X: Sequence[Item]) -> None:
+    """Warn of arrays that may have their channels first, as those of aeon and sktime do."""
+    shapes = {np.shape(item) if isinstance(item, np.ndarray) else () for item in X}
+    if shapes and all(len(shape) == 2 and shape[0] < shape[1] for shape in shapes):
+        samples, channels = next(iter(shapes))
+        warnings.warn(
+            f"arrays are (samples, channels), and these have {samples} samples of {channels} channels; "
+            "with channels first: X.transpose(0, 2, 1), or [one.T for one in X]",
+            stacklevel=2,
+        )
 
 
 def _not_loaded(path: str | os.PathLike[str], name: str = "X") -> InputError:

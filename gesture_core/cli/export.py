@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import tempfile
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -35,14 +35,30 @@ def export(
         plugin; by default as --to ends, or csv. The events of gesture spot also as eaf (ELAN), vtt, srt or
         audacity (label tracks), a file for each input, or activitynet (one JSON file).
     to
-        The file, or - for standard output; <run>/results.<format> by default. Where each input has a file, a
-        folder, <run>/events by default.
+        The file, - for standard output, or an address (s3://…); <run>/results.<format> by default. Where each
+        input has a file, a folder, <run>/events by default.
     """
+    from gesture_core.run.addresses import is_address, local_path, put, shown
+
+    if to.startswith("file://"):
+        to = local_path(to)
+    if not is_address(to):
+        _export(run, format, to)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        written = Path(folder) / PurePosixPath(shown(to).partition("::")[0]).name
+        _export(run, format, str(written), said=False)
+        put(written, to)
+    print(shown(to))
+
+
+def _export(run: Path, format: str | None, to: str, said: bool = True) -> None:
+    """Write a table or events to a place on this machine, and say where unless that is for a while."""
     from gesture_core.report.event_files import FORMATS
     from gesture_core.run.export import export_rows
 
     if format in FORMATS:
-        _export_events(run, format, to)
+        _export_events(run, format, to, said)
         return
 
     limits = load_settings().limits
@@ -58,7 +74,9 @@ def export(
                 remedy=f"--format with one of {', '.join(names)}",
                 code="E_OPTION",
             )
-        print(export_rows(run, format or ending or "csv", target, limits))
+        written = export_rows(run, format or ending or "csv", target, limits)
+        if said:
+            print(written)
         return
     with tempfile.TemporaryDirectory() as folder:
         written = export_rows(run, format or "csv", Path(folder) / "rows", limits)
@@ -69,8 +87,8 @@ def export(
             shutil.copyfileobj(file, sys.stdout.buffer)
 
 
-def _export_events(run: Path, format: str, to: str) -> None:
-    """Write the events of a run, and say where."""
+def _export_events(run: Path, format: str, to: str, said: bool) -> None:
+    """Write the events of a run."""
     from gesture_core.report.event_files import write_event_files
     from gesture_core.run.results import open_results
 
@@ -81,4 +99,5 @@ def _export_events(run: Path, format: str, to: str) -> None:
     check_file(target, flag="--to") if one else check_folder(target, flag="--to")
     with open_results(run) as results, results.failures():
         written = write_event_files(results.rows(), format, target)
-    print(written[0] if len(written) == 1 else f"{target}: {counted(len(written), 'file')}")
+    if said:
+        print(written[0] if len(written) == 1 else f"{target}: {counted(len(written), 'file')}")

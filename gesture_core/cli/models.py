@@ -52,9 +52,7 @@ def list_models() -> int:
             facts = (*_facts(found), found.sha256, known.licence, str(found.path))
             here.append((known.name, "packaged", *facts))
         elif known.member:
-            unused = "" if known.contract else "; no setting of this version uses it"
-            what = known.summary + unused
-            get.append((known.name, "to get", what, known.licence, known.wheel or known.url))
+            get.append((known.name, "to get", known.summary, known.licence, known.wheel or known.url))
         else:
             where = "missing from this installation" if known.packaged else known.where
             more.append((known.name, "to add", known.summary, known.licence, where))
@@ -90,12 +88,11 @@ def get(*names: Annotated[str, Parameter(required=True)], replace: Annotated[boo
 
     for name in names:
         with _bar() as on_bytes:
-            found = get_model(name, replace=replace, on_bytes=on_bytes)
-        for card in found:
-            facts = "  ".join(part for part in (*_facts(card), card.licence) if part)
-            print(f"{card.name}: {printable(card.path)}\nsha256 {card.sha256}\n{facts}")
-        if found[0].contract:
-            people = skeleton(found[0].contract.skeleton).has_neck
+            card = get_model(name, replace=replace, on_bytes=on_bytes)
+        facts = "  ".join(part for part in (*_facts(card), card.licence) if part)
+        print(f"{card.name}: {printable(card.path)}\nsha256 {card.sha256}\n{facts}")
+        if card.contract:
+            people = skeleton(card.contract.skeleton).has_neck
             print(f"use it with: {f'--model {name}' if people else '--preset hands'}")
     return 0
 
@@ -179,11 +176,9 @@ def verify() -> int:
 
 def _facts(model: ModelFile) -> tuple[str, str]:
     """Output and input of a network, in words."""
-    from gesture_core.pose.models import known_by_hash
-
     found = model.contract
     if found is None:
-        return "not used by this version" if known_by_hash(model.sha256) else "seen at the first run", ""
+        return "seen at the first run", ""
     size = "x".join(map(str, reversed(found.input_size))) if found.input_size else "any size"
     return f"{found.layout} {found.skeleton}", f"{size} {found.colour}"
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gesture_core.errors import Code, ConfigError, InputError
-from gesture_core.files import printable
+from gesture_core.files import check_local, printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -295,6 +295,7 @@ def check_file(
     if suffixes and path.suffix.lower() not in suffixes:
         remedy = f"a name that ends in {' or '.join(suffixes)}"
         raise InputError(f"{flag} {path}", remedy=remedy, code="E_OPTION")
+    check_local(path, f"{flag} {path}")
     if path.is_dir():
         raise ConfigError(f"{flag} {path} is a folder", remedy="a file", code="E_OUT")
     if path.exists() and not replace:
@@ -310,6 +311,7 @@ def check_file(
 
 def check_folder(path: Path, *, flag: str = "--out") -> None:
     """Raise ``E_OUT`` where ``path`` is a file, or no folder that can be written to."""
+    check_local(path, f"{flag} {path}")
     if path.exists() and not path.is_dir():
         raise ConfigError(f"{flag} {path} is a file", remedy="a folder", code="E_OUT")
     _check_writable(path, f"{flag} {path}")

@@ -23,7 +23,7 @@ from gesture_core.plugin.hooks import KINDS
 from gesture_core.plugin.registry import Registration, Registry, calling
 from gesture_core.settings import load_settings
 
-_PARAMETERS = "Parameters\n"
+_PARAMETERS = "\n\nParameters\n----------\n"
 
 app = cyclopts.App(
     name="plugins",
@@ -173,12 +173,14 @@ def _show(found: Registry, name: str) -> None:
 
 
 def documentation(target: Any) -> str:
-    """The docstring of a class, with the parameters of its base where it names none of its own."""
+    """The docstring of a class, with the parameters of its bases below its own."""
     text = inspect.getdoc(target) or ""
     for base in target.__mro__[1:] if isinstance(target, type) else ():
-        _, heading, rest = (base.__doc__ or "").partition(_PARAMETERS)
-        if _PARAMETERS not in text and heading:
-            text += f"\n\n{inspect.cleandoc(heading + rest)}"
+        _, heading, more = inspect.cleandoc(base.__doc__ or "").partition(_PARAMETERS)
+        if heading and more not in text:
+            before, _, own = text.partition(_PARAMETERS)
+            own, blank, after = own.partition("\n\n")
+            text = "".join([before, _PARAMETERS, own and f"{own}\n", more, blank, after])
     return text
 
 

@@ -144,7 +144,7 @@ def choose_subsequence_kernel(
             return candidate, kernel
     raise PluginError(
         f"distance kernel {name!r} does not find examples inside a stream",
-        remedy="--kernel auto, numba or numpy",
+        remedy="--kernel auto, numba, numpy, jax or torch",
         code="E_KERNEL_UNSUPPORTED",
     )
 

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Literal
 
 from gesture_core.errors import ConfigError
-from gesture_core.skeletons import PARTS, SKELETONS, Skeleton, skeleton_of
+from gesture_core.joints import PARTS
+from gesture_core.skeletons import SKELETONS, Skeleton, skeleton_of
 
 __all__ = ["Axes", "ReadOptions", "Unit"]
 

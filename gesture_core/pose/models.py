@@ -97,7 +97,7 @@ class KnownModel:
     ----------
     name, summary : str
     contract : ModelContract or None
-        None of a network that finds no people, which no setting of this version uses.
+        None where it is inferred from the file.
     licence, where : str
         Of the weights, and where a user gets them.
     files : tuple of str
@@ -110,8 +110,6 @@ class KnownModel:
         Address and hash of a zip file in which the file is; empty where there is none.
     member : str
         Place of the file, which has the first hash, in the wheel or zip file.
-    together : tuple of str
-        Names of networks that are fetched with this one.
     packaged : str
         ``package:path`` of a file that an installed package brings.
     gestures, frames : int
@@ -130,7 +128,6 @@ class KnownModel:
     url: str = ""
     archive_sha256: str = ""
     member: str = ""
-    together: tuple[str, ...] = ()
     packaged: str = ""
     gestures: int = 0
     frames: int = 0
@@ -172,7 +169,7 @@ def _known() -> tuple[tuple[str, ...], dict[str, KnownModel]]:
         facts, contract = table.pop("contract", None), None
         if facts is not None:
             contract = ModelContract.from_table({**facts, "licence": table.get("licence", "")}, name)
-        table |= {key: tuple(table.get(key, ())) for key in ("files", "sha256", "together")}
+        table |= {key: tuple(table.get(key, ())) for key in ("files", "sha256")}
         found[name] = KnownModel(name, contract, **table)
     return auto, found
 
@@ -391,6 +388,7 @@ def described(settings: Settings) -> str:
     here, best = known.get(pose.model), known[auto_models()[0]]
     if here and here.frames:
         text += f", about {here.frames} frames/s a core"
+        text += ", a third of that with hands" if "hands" in settings.keypoints.parts else ""
     if here and here.name in auto_models()[1:] and not is_here(best.name):
         text += (
             f"; 'gesture models get {best.name}' brings a stronger network: {best.gestures} % of 15 gestures "

@@ -158,6 +158,24 @@ def entries(source: str) -> Iterator[tuple[Path, Entry]]:
             yield from _files(system, source, path, folder, files)
 
 
+def put(path: Path, address: str) -> None:
+    """Write a file, or a folder with all that is in it, to an address.
+
+    Raises
+    ------
+    InputError
+        ``E_OUT`` where it cannot be written.
+    MissingDependencyError
+        Where the package of the protocol is absent.
+    """
+    system, place = _open(address)
+    with _blamed(address, writing=True):
+        files = [file for file in sorted(path.rglob("*")) if file.is_file()] if path.is_dir() else [path]
+        for file in files:
+            inside = file.relative_to(path).as_posix()
+            system.put_file(str(file), place if file == path else f"{place.rstrip('/')}/{inside}")
+
+
 def roots(sources: Sequence[str]) -> tuple[bytes, ...]:
     """What the places of objects begin with that are listed by ``sources``, as far as these are addresses."""
     found = []
@@ -300,23 +318,28 @@ def _plain(value: object) -> str:
 
 
 @contextmanager
-def _blamed(address: str) -> Iterator[None]:
+def _blamed(address: str, writing: bool = False) -> Iterator[None]:
     """What a file system raises, as an error about the address."""
     try:
         yield
     except GestureError:
         raise
     except Exception as error:  # noqa: BLE001 - a file system of a third party may raise anything
-        raise _failed(address, error) from None
+        raise _failed(address, error, writing) from None
 
 
-def _failed(address: str, error: Exception) -> InputError:
+def _failed(address: str, error: Exception, writing: bool = False) -> InputError:
     """The error, without what must not be shown of an address."""
     cause = described(error) if not isinstance(error, FileNotFoundError) else "no such object"
     for part in address.split("::"):
         _, query = _parted(part)
         cause = cause.replace(query, "…") if query else cause
     cause = _QUERY.sub(r"\1?…", cause)  # a server may have led to an address that is signed
+    if writing:
+        return InputError(
+            f"cannot be written: {printable(cause)[:300]}", subject=shown(address),
+            remedy="another address, or its permissions", code="E_OUT",
+        )  # fmt: skip
     missing = isinstance(error, FileNotFoundError)
     return InputError(
         f"cannot be read: {printable(cause)[:300]}" if not missing else cause,

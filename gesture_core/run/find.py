@@ -21,7 +21,7 @@ from gesture_core.run.store import Extracted, keypoint_store
 from gesture_core.run.workers.engines import ProcessEngine
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.spot.find import Hit, Query
-from gesture_core.spot.signals import refuse_channels
+from gesture_core.spot.signals import stream_chain
 
 if TYPE_CHECKING:
     from gesture_core.run.workers.worker import Worker
@@ -104,7 +104,6 @@ def find(
     ready = with_changes(settings, changes)
     items: list[Input] = []
     failed: dict[str, tuple[str, str]] = {}
-    refuse_channels(ready)
     if len(sources) == 1 and (Path(sources[0]) / DATABASE).is_file():
         with open_results(sources[0]) as results:
             names = dict.fromkeys(row.input for row in results.rows() if row.code != Code.NOT_AN_INPUT)
@@ -126,6 +125,7 @@ def find(
     readable = [item for item in items if item.readable]
     if not readable:
         raise InputError("holds no recording", subject=", ".join(sources), code="E_EMPTY")
+    stream_chain(ready)  # refuses settings under which nothing can be found, before anything is extracted
     query = _query(clip, ready, listener)
     found = Findings(failed=failed)
     with _Workers(query, ready, top, workers or usable_cores()) as search:

@@ -15,7 +15,7 @@ from gesture_core.run.workers.engines import Assistant
 if TYPE_CHECKING:
     from gesture_core.run.workers.keypoints import Answer
 
-_SAVE = "save it as CSV, with columns such as nose_x, nose_y"
+_SAVE = "save it as CSV, with columns such as {names}"
 _OTHERS = {
     suffix: said
     for suffixes, said in (
@@ -27,6 +27,7 @@ _OTHERS = {
         (".skeleton", f"a skeleton file of NTU: {_SAVE}"),
         (".bvh .fbx .mot .sto .amc .vmd", f"angles of joints: export the places of the joints, {_SAVE}"),
         (".c3d .glb .gltf .usd", f"a motion capture in three dimensions: export .trc, or {_SAVE}"),
+        (".cwa .gt3x .mtb .mvnx", f"a log in the device's own form: {_SAVE}"),
         (".dat .asc .out", "perhaps a table of numbers: call it .txt"),
     )
     for suffix in suffixes.split()
@@ -130,12 +131,14 @@ class Readers:
             return f"no reader takes it; {'; '.join(causes)}{hint}"
         if near:
             return f"no reader takes it, not {' nor '.join(reader.name for reader in near)}"
-        if self.channels:
-            return "no series of channels, which signals.input = channels (--preset sensors) wants"
         known = _OTHERS.get(path.suffix.lower())
         if self._is_series(path):
             known = "series of channels, which --preset sensors reads"
-        return "neither a video nor a keypoint file" + (f", but {known}" if known else "")
+        names = "acc_x, acc_y" if self.channels else "nose_x, nose_y"
+        but = f", but {known.format(names=names)}" if known else ""
+        if self.channels:
+            return f"no series of channels, which signals.input = channels (--preset sensors) wants{but}"
+        return f"neither a video nor a keypoint file{but}"
 
     def _is_series(self, path: Path) -> bool:
         """Whether what no reader of people takes is a series of channels."""

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import ConfigError, RunFolderError
+from gesture_core.files import check_local
 from gesture_core.records import COLUMNS, Row
 
 if TYPE_CHECKING:
@@ -366,6 +367,7 @@ def run_folder(folder: Path) -> Iterator[None]:
     RunFolderError
         Where another process holds it, or it cannot be held.
     """
+    check_local(folder, f"--out {folder}")
     made = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)

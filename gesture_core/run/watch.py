@@ -200,6 +200,9 @@ def fit_spotter(
     InputError
         ``E_EXAMPLES`` where none can be used.
     """
+    from gesture_core.spot.signals import stream_chain
+
+    chain = stream_chain(settings)  # refuses settings under which nothing can be found
     sources = as_strings(examples)
     found = [item for item in discover(sources, settings=settings) if item.kind != "other"]
     if not found:
@@ -219,9 +222,6 @@ def fit_spotter(
         else:
             why = f"{extracted.code} {extracted.message}" if extracted.code else "nobody was found"
             failed.append(f"{item.name}: {why}")
-    from gesture_core.spot.signals import stream_chain
-
-    chain = stream_chain(settings)
     usable = []
     for item in readable:
         try:

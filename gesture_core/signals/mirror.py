@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gesture_core.errors import SignalError
-from gesture_core.skeletons import other_side
+from gesture_core.joints import other_side
 from gesture_core.types import Signals
 
 

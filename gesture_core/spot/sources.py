@@ -7,6 +7,7 @@ one frame where the source has keypoints. Nothing is converted unless it is look
 from __future__ import annotations
 
 import json
+import os
 import re
 import time
 from collections.abc import Callable, Iterator
@@ -109,6 +110,7 @@ class Camera:
         import cv2
 
         cv2.utils.logging.setLogLevel(0)  # what it prints of a camera that is not there is in the error
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # nor what FFmpeg prints, addresses included
         if isinstance(self.address, int):
             capture = cv2.VideoCapture(self.address)
             capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)

@@ -11,7 +11,7 @@ from gesture_core.dtw.subsequence import choose_subsequence_kernel, reference_su
 from gesture_core.errors import InputError, PluginError
 from gesture_core.plugin.interfaces import SubsequenceKernel
 
-KERNELS = ("numpy", "numba")
+KERNELS = ("numpy", "numba", "jax", "torch")
 LENGTHS = (1, 2, 3, 7, 20)
 FLOOR = 0.05
 

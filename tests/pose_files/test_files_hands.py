@@ -14,12 +14,12 @@ from gesture_pose_files.csv_table import CsvReader
 from gesture_pose_files.openpose_json import OpenPoseJsonReader
 
 from gesture_core.errors import ConfigError, GestureError
+from gesture_core.joints import FACE
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import (
     BLAZEPOSE33,
     BODY25,
     COCO17,
-    FACE,
     HANDS42,
     MEDIAPIPE543,
     MEDIAPIPE543_FACE,

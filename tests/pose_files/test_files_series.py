@@ -79,7 +79,10 @@ def test_dates_and_columns_of_other_names_are_times(tmp_path: Path) -> None:
         ("time,a\n0,1\n0.1,2\n0.05,3\n", "E_SIGNAL_TIMES", "time runs backwards after sample 2"),
         ("time,a\n0,1\n1000,2\n2000,3\n", "E_SIGNAL_TIMES", "time_ms"),
         ("time,a\n7,1\n7,2\n", "E_SIGNAL_TIMES", "all its 2 times are the same"),
-        ("timestamp,a\n1714564800000,1\n1714564800010,2\n", "E_SIGNAL_TIMES", "time_ms"),
+        ("timestamp,a\n49105962326000,1\n49105982326000,2\n", "E_SIGNAL_TIMES", "series.per_second"),
+        ("timestamp,a\n0,1\n20,2\n40,2\n", "E_SIGNAL_TIMES", "20 s apart"),
+        ("time,who,a\n0,x,1\n0,y,2\n0,z,2\n1,x,2\n1,y,2\n", "E_KEYPOINTS_FORMAT", "pivot"),
+        ("frame,label\n0,1\n1,2\n", "E_KEYPOINTS_FORMAT", "no column of numbers but frame, label"),
         ("time,a\n0,1\n,2\n0.2,3\n", "E_KEYPOINTS_TIMES", "no time in row 2"),
         ("time,a\n0,1\n0.1,two\n", "E_KEYPOINTS_FORMAT", "'two' is no number"),
         ("time,a\n0,1\n0.1,inf\n", "E_SIGNAL_VALUE", "infinity"),
@@ -138,7 +141,7 @@ def test_streams_of_one_folder_are_one_recording_in_step(tmp_path: Path) -> None
     reader = registry().make("reader", "series", {"streams": ["imu", "glove"]}, options=ReadOptions())
     assert reader.accepts(clip) and not reader.accepts(clip / "imu.csv")
     (one,) = reader.read(clip)
-    assert one.channels == ("imu_acc/x", "imu_acc/y", "glove/bend")
+    assert one.channels == ("acc@imu/x", "acc@imu/y", "bend@glove")
     assert len(one) == 30 and one.times[0] == 0
     np.testing.assert_allclose(one.values[:, 2], np.sin(100.2 + one.times), atol=1e-3)
     np.testing.assert_allclose(one.values[:, 0], np.sin(100.2 + one.times), atol=1e-5)

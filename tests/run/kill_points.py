@@ -1,9 +1,10 @@
 """Kills runs, as the kernel would: right before each write, flush, rename and commit, and at random moments.
 
-``python kill_points.py SOURCE EXAMPLES FOLDER [RANDOM] [SEED]`` forks a child for each run (before
+``python kill_points.py SOURCE EXAMPLES FOLDER [RANDOM] [SEED] [STEP]`` forks a child for each run (before
 anything has started a thread), resumes what a killed child left, and compares the sorted export, byte
-for byte, with that of an undisturbed run. Prints ``<n> at points, <n> at random`` at the end, or what
-differs. `benchmarks/soak_kills.py` does the same with more.
+for byte, with that of an undisturbed run; of the points it takes every STEP-th. Prints
+``<n> at points, <n> at random`` at the end, or what differs. `benchmarks/soak_kills.py` does the same
+with more.
 """
 
 from __future__ import annotations
@@ -161,10 +162,12 @@ def _wait(child: int) -> int:
     return os.waitpid(child, 0)[1]
 
 
-def main(source: str, examples: str, folder: str, at_random: str = "0", seed: str = "1") -> None:
+def main(
+    source: str, examples: str, folder: str, at_random: str = "0", seed: str = "1", step: str = "1"
+) -> None:
     victim = Victim(source, examples, Path(folder))
     points = 0
-    while victim.at_point(points + 1):
+    while victim.at_point(1 + points * int(step)):
         points += 1
     kills, rng = 0, random.Random(seed)
     while kills < int(at_random):

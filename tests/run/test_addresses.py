@@ -15,10 +15,11 @@ import pytest
 from troubles import write_clip
 
 from gesture_core import classify_archive, explain, load_poses
+from gesture_core.cli.export import export
 from gesture_core.errors import ConfigError, GestureError, InputError, MissingDependencyError, RunFolderError
 from gesture_core.files import cache_dir
 from gesture_core.run import addresses
-from gesture_core.run.addresses import entries, fetch, local_path, look, sha256_of, shown
+from gesture_core.run.addresses import entries, fetch, local_path, look, put, sha256_of, shown
 from gesture_core.run.evaluate import labelled_inputs
 from gesture_core.run.inputs import discover
 from gesture_core.run.labels import label_inputs
@@ -360,3 +361,34 @@ def test_errors_are_of_the_package(memory: Any) -> None:
     for address in ("memory://none/at/all", "zip://x::memory://videos/note.txt", "http://["):
         with pytest.raises(GestureError):
             list(entries(address))
+
+
+def test_a_table_and_a_folder_of_events_are_written_to_an_address(
+    folder: Path, memory: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    classify(folder / "videos", folder / "examples", folder / "run")
+    export(folder / "run", to="memory://bucket/deep/rows.csv")
+    assert capsys.readouterr().out == "memory://bucket/deep/rows.csv\n"
+    export(folder / "run", to="file://" + (folder / "rows.csv").as_posix())
+    assert memory.cat("/bucket/deep/rows.csv") == (folder / "rows.csv").read_bytes()
+    export(folder / "run", format="datasets", to="memory://bucket/rows.parquet")
+    (folder / "tree" / "below").mkdir(parents=True)
+    (folder / "tree" / "below" / "a.vtt").write_text("WEBVTT")
+    put(folder / "tree", "memory://bucket/events/")
+    assert memory.cat("/bucket/events/below/a.vtt") == b"WEBVTT"
+
+    def refuse(*_: Any, **__: Any) -> None:
+        raise PermissionError("not yours")
+
+    monkeypatch.setattr(type(memory), "put_file", refuse)
+    with pytest.raises(InputError, match=r"cannot be written: .*not yours") as failed:
+        export(folder / "run", to="memory://bucket/rows.csv")
+    assert failed.value.code == "E_OUT"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a colon is no part of a name")
+def test_a_run_folder_is_no_address(folder: Path) -> None:
+    with pytest.raises(ConfigError, match="is an address") as failed:
+        classify(folder / "videos", folder / "examples", Path("s3://bucket/run"))
+    assert failed.value.code == "E_OUT"
+    assert not Path("s3:").exists()

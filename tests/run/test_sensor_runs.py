@@ -14,7 +14,9 @@ from gesture_core import (
     cut_events,
     evaluate_archive,
     explain,
+    find,
     load_settings,
+    spot_archive,
 )
 from gesture_core.classify.balance import balanced
 from gesture_core.errors import ConfigError, GestureError, InputError
@@ -58,6 +60,9 @@ def test_a_folder_of_logs_is_classified_evaluated_and_explained(logs: Path) -> N
     assert result.accuracy == 1
     with pytest.raises(InputError, match="of channels"):
         cut_events(logs / "run", logs / "clips")
+    for look in (find, spot_archive):
+        with pytest.raises(ConfigError, match="people alone"):
+            look(logs / "imu" / "turn_1.csv", logs / "examples", settings="sensors")
 
 
 def test_other_channels_and_other_units_are_said_of_the_one_input(logs: Path) -> None:
@@ -130,3 +135,39 @@ def test_groups_count_alike_whatever_their_units() -> None:
         balanced([signals(wave, wave)], load_settings("sensors", ["classify.weights=gyro=2"]))
     with pytest.raises(GestureError, match="no channel of any example changes"):
         balanced([signals(0 * wave + 5, 0 * wave)], settings.with_values([("classify.weights", "")]))
+
+
+def test_axes_and_frames_of_other_libraries_are_said() -> None:
+    X = np.stack([imu(kind, n)[:, 1:] for kind in ("shake", "turn") for n in range(2)])
+    y = ["shake", "shake", "turn", "turn"]
+    with pytest.warns(UserWarning, match=r"3 samples of 60 channels.*transpose"):
+        GestureClassifier("sensors").fit([x.T for x in X], y)
+    with pytest.raises(InputError, match="one data frame"):
+        GestureClassifier("sensors").fit(pa.table({"acc_x": [1.0, 2.0]}), ["a", "b"])
+    labelled = [
+        pa.table({"ax": x[:, 0], "ay": x[:, 1], "frame": np.arange(60), "label": [kind] * 60})
+        for x, kind in zip(X, y, strict=True)
+    ]
+    with pytest.warns(UserWarning, match="frame, label"):
+        (first, *_) = GestureClassifier("sensors").signals(labelled)
+    assert isinstance(first, Signals) and first.channels[:2] == ("a/x", "a/y") and len(first.channels) == 4
+
+
+def test_streams_count_alike_however_many_groups_they_have() -> None:
+    rng = np.random.default_rng(0)
+    names = ("acc@imu/x", "acc@imu/y", "dead@imu", "bend@glove", "j1@skin", "j2@skin", "j3@skin")
+    values = rng.normal(size=(50, len(names))) * [1, 2, 0, 3, 4, 5, 6]
+    item = Signals(values, np.arange(50) / 10, names)
+
+    def shares(*sets: str) -> list[float]:
+        weights = balanced([item], load_settings("sensors", sets, environment={})).dtw.weights
+        assert weights is not None
+        cost = np.array(weights) * values.var(axis=0)
+        parts = {
+            name: sum(c for n, c in zip(names, cost, strict=True) if f"@{name}" in n)
+            for name in ("imu", "skin")
+        }
+        return [float(parts["imu"]), float(cost[3]), float(parts["skin"])]
+
+    np.testing.assert_allclose(shares(), [1, 1, 1], rtol=1e-4)
+    np.testing.assert_allclose(shares("classify.weights=*@skin*=2"), [1, 1, 2], rtol=1e-4)

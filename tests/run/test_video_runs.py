@@ -73,7 +73,7 @@ def test_pixels_become_labels(network: Path, examples: Path, tmp_path: Path, bac
 
 def test_a_row_says_how_many_frames_were_looked_at(network: Path, tmp_path: Path) -> None:
     film(tmp_path / "videos" / "a.avi", 4, 50)
-    for rate, count in (("5", 13), ("5", 13), ("none", 50), ("0", 50), ("10", 25)):
+    for rate, count in (("5", 13), ("none", 50), ("10", 25)):
         done = gesture("extract", tmp_path / "videos", "--out", tmp_path / rate, "--model", network,
                        "--set", f"pose.rate={rate}")  # fmt: skip
         (row,) = rows(done.stdout)

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from gesture_core import GestureClassifier
 from gesture_core.errors import ConfigError, GestureError, PluginError, PoseError, SignalError
+from gesture_core.joints import other_side
 from gesture_core.plugin import registry
 from gesture_core.settings import load_settings, presets
 from gesture_core.signals.chain import CHANNELS, Chain
 from gesture_core.signals.mirror import mirrored
-from gesture_core.skeletons import other_side
 from gesture_core.types import PoseSequence, Signals
 
 OF_PEOPLE = sorted(set(presets()) - {"sensors", "depth"})

@@ -13,9 +13,10 @@ from gesture_signals.parts import Parts
 from gesture_core.classify.comparison import parts
 from gesture_core.classify.estimator import GestureClassifier
 from gesture_core.errors import ConfigError, PoseError
+from gesture_core.joints import FINGERS
 from gesture_core.settings import load_settings
 from gesture_core.signals.chain import Chain
-from gesture_core.skeletons import COCO18, FINGERS, HANDS42, skeleton
+from gesture_core.skeletons import COCO18, HANDS42, skeleton
 from gesture_core.testing.signals import draw_whole
 from gesture_core.types import PoseSequence
 

@@ -111,14 +111,3 @@ def test_what_cannot_be_looked_for_is_refused(drawn: DemoArchive, tmp_path: Path
         find(drawn.video_keypoints, drawn.video_keypoints, SETTINGS)
     with pytest.raises(GestureError, match="no such file"):
         find(tmp_path / "none.mp4", drawn.video_keypoints, SETTINGS)
-
-
-def test_channels_are_refused_before_anything_is_looked_at(tmp_path: Path) -> None:
-    for command in (
-        ["find", "no.csv", "no/"],
-        ["spot", str(tmp_path), "--examples", "no", "--out", str(tmp_path / "r")],
-    ):
-        assert gesture([*command, "--preset", "sensors"]) == 2
-    with pytest.raises(GestureError, match="in the movements of people alone"):
-        find("no.csv", "no/", "sensors")
-    assert not any(tmp_path.iterdir())

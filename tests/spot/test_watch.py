@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import socketserver
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -254,6 +256,18 @@ def test_a_stream_on_the_network_that_breaks_off_is_opened_again() -> None:
         "was lost; opened again in 0.05 s",
         "is back after 0 s",
     ]
+
+
+def test_nothing_but_the_error_is_said_of_a_stream_that_breaks_off() -> None:
+    script = (
+        "import sys; from gesture_core.spot.sources import Camera; list(Camera(sys.argv[1]).frames(print))"
+    )
+    with served([[np.zeros((48, 64, 3), np.uint8)] * 5]) as address:
+        done = subprocess.run(
+            [sys.executable, "-c", script, address], capture_output=True, text=True, timeout=60
+        )
+    assert "http" not in done.stderr.partition("Traceback")[0]
+    assert "was lost" in done.stderr
 
 
 def test_a_stream_that_stalls_is_lost_and_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import jax
 import numpy as np
 
 from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
-from gesture_core.plugin.abilities import DeviceKernel
+from gesture_core.plugin.abilities import DeviceKernel, SubsequenceKernel
+from gesture_core.plugin.interfaces import Subsequences
 from gesture_dtw_jax.hard import hard_tile
 from gesture_dtw_jax.soft import soft_tile, soft_tile_gradients
 from gesture_dtw_jax.tiles import WIDTHS, make_tile
@@ -15,7 +18,7 @@ LANES_TIMES_WIDTH = 2048
 """Upper limit of lanes times dimensions of a tile wider than the narrowest: its blocks stay in the cache."""
 
 
-class JaxKernel(GradientLaneKernel, DeviceKernel):
+class JaxKernel(GradientLaneKernel, DeviceKernel, SubsequenceKernel):
     """Warping distances on JAX's default device, in the dtype of the batches.
 
     One program is compiled for each bucket of lengths (a power of two), tile width, cost, dtype,
@@ -43,3 +46,9 @@ class JaxKernel(GradientLaneKernel, DeviceKernel):
             values, of_x, of_y = (np.asarray(a) for a in soft_tile_gradients(make_tile(lanes), lanes.cost))
         count = len(lanes)
         return values[:count], of_x[: len(lanes.x), :, :count], of_y[: len(lanes.y), :, :count]
+
+    def subsequences(self, examples: Sequence[np.ndarray], floor: float) -> Subsequences:
+        """A stream in which ``examples`` are looked for, in float32."""
+        from gesture_dtw_jax.subsequences import JaxSubsequences
+
+        return JaxSubsequences(examples, floor)

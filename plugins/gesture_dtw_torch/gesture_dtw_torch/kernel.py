@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,13 +10,14 @@ import numpy as np
 import torch
 
 from gesture_core.dtw.lanes import GradientLaneKernel, Lanes
-from gesture_core.plugin.abilities import DeviceKernel
+from gesture_core.plugin.abilities import DeviceKernel, SubsequenceKernel
+from gesture_core.plugin.interfaces import Subsequences
 from gesture_dtw_torch.diagonals import Band, eager_step, hard_diagonals, soft_diagonals
 from gesture_dtw_torch.soft import soft_lanes
 
 
 @dataclass(frozen=True)
-class TorchKernel(GradientLaneKernel, DeviceKernel):
+class TorchKernel(GradientLaneKernel, DeviceKernel, SubsequenceKernel):
     """Warping distances in Torch, in the dtype of the batches.
 
     Attributes
@@ -73,6 +75,12 @@ class TorchKernel(GradientLaneKernel, DeviceKernel):
         values = soft_lanes(x, y, *rest, self._tensor(lanes.gamma), lanes.cost)
         of_x, of_y = (slope.cpu().numpy() for slope in torch.autograd.grad(values.sum(), (x, y)))
         return values.detach().cpu().numpy(), of_x, of_y
+
+    def subsequences(self, examples: Sequence[np.ndarray], floor: float) -> Subsequences:
+        """A stream in which ``examples`` are looked for, in float32."""
+        from gesture_dtw_torch.subsequences import TorchSubsequences
+
+        return TorchSubsequences(examples, floor, self.device)
 
     def _tensors(
         self, lanes: Lanes

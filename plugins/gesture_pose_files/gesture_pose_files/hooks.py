@@ -95,8 +95,8 @@ def register_keypoint_readers(register: Register) -> None:
     register(
         "series",
         "gesture_pose_files.series:SeriesReader",
-        summary="channels of sensors: CSV, Parquet, .npy, .npz; .ts, .arff and .tsv of UCR and UEA",
-        suffixes=(".csv", ".tsv", ".parquet", ".npy", ".npz", ".ts", ".arff"),
+        summary="channels of sensors: CSV, Parquet, .npy, .npz, WAV; .ts, .arff and .tsv of UCR and UEA",
+        suffixes=(".csv", ".tsv", ".txt", ".dat", ".parquet", ".npy", ".npz", ".wav", ".ts", ".arff"),
         folders=True,
         channels=True,
     )

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gesture_core.errors import KeypointError
+from gesture_core.joints import group_of
 from gesture_core.plugin.reading import Axes, ReadOptions, Unit
 from gesture_core.skeletons import (
     BLAZEPOSE33,
@@ -19,7 +20,6 @@ from gesture_core.skeletons import (
     MPI15,
     SKELETONS,
     Skeleton,
-    group_of,
     mapped,
     with_parts,
 )

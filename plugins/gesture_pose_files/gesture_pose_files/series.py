@@ -5,32 +5,35 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
 
+from gesture_core.channel_names import grouped, is_channel, numbered, time_scale, unit_of_time
 from gesture_core.errors import GestureError, KeypointError
 from gesture_core.files import printable
 from gesture_core.plugin.reading import ReadOptions
-from gesture_core.recordings import Recording, dated, grouped, numbered, seconds, time_scale
+from gesture_core.recordings import Recording, dated, seconds
 from gesture_pose_files.arrow_table import size_of
-from gesture_pose_files.files import COPY_AGAIN, MAX_CSV_BYTES, MAX_FRAMES, head_of, open_keypoints
+from gesture_pose_files.files import COPY_AGAIN, MAX_FRAMES, head_of, open_keypoints
 from gesture_pose_files.npy import MAX_FILE_BYTES, read_array
 from gesture_pose_files.npz import array_in, members_of, opened
 from gesture_pose_files.reader import clip_called
 from gesture_pose_files.series_archives import Series, is_archive, series_in
 from gesture_pose_files.series_streams import BEGAN, files_of, in_step
-from gesture_pose_files.table import number_in, numbers_of, rows_of, seconds_in, split_header
+from gesture_pose_files.series_table import lacking, read_text
+from gesture_pose_files.series_wave import samples_in
 
-_LOOKED_AT = 20
 _STILL = 10
 """Samples of one value from which on a channel is noted as never changing."""
 _SHOWN = 5
+_SLOW, _PAUSE = 0.5, 0.5
+"""Seconds from sample to sample, and without any, that are noted."""
 _MOST_CELLS = 1 << 28
-SUFFIXES = (".csv", ".tsv", ".parquet", ".npy", ".npz", ".ts", ".arff")
+TEXTS = (".csv", ".tsv", ".txt", ".dat")
+SUFFIXES = (*TEXTS, ".parquet", ".npy", ".npz", ".wav", ".ts", ".arff")
 """Of the files that are read."""
-_MAGIC = {".parquet": b"PAR1", ".npy": b"\x93NUMPY", ".npz": b"PK"}
+_MAGIC = {".parquet": b"PAR1", ".npy": b"\x93NUMPY", ".npz": b"PK", ".wav": b"RIFF"}
 _STORED = "channel "
 """Before the names of channels in a file that ``gesture extract`` wrote."""
 
@@ -39,11 +42,13 @@ _STORED = "channel "
 class SeriesReader:
     """Reads channels over time, of any device.
 
-    - ``.csv``, ``.tsv`` and ``.parquet``: a row for each sample. A column of times (``time``, ``time_us``,
-      ``timestamp [ms]``, or dates as ISO 8601 writes them) says when; every other column of numbers is a
-      channel, its group and unit in its name (``acc_x [g]``). Columns of text are left out, with a note.
+    - ``.csv``, ``.tsv``, ``.txt``, ``.dat`` and ``.parquet``: a row for each sample. A column of times
+      (``time``, ``time_us``, ``timestamp [ms]``, or dates) says when; every other column of numbers is a
+      channel, its group and unit in its name (``acc_x [g]``). Columns of text, and those that count or label
+      by their names, are left out, with a note; so are lines above the table.
     - ``.npy`` (T,) or (T, D); ``.npz`` with one such array for each recording, or, beside an array of times,
       for each group of channels.
+    - ``.wav``: samples of PCM, each -1 to 1, at the rate that it says.
     - Whole collections: ``.ts`` and ``.arff`` of the UEA archive, ``_TRAIN.tsv`` and ``_TEST.tsv`` of the UCR
       archive. A series is called by its label and its number.
 
@@ -56,7 +61,7 @@ class SeriesReader:
     per_second : float
         Units of that column in a second; 0 where its name says it, or they are seconds.
     groups : mapping
-        The group of a channel by the name of its column, where that does not say it.
+        The group of a channel by the name of its column, where that does not say it, or says that it is none.
     streams : sequence of str
         A folder that holds a file of each of these names is one recording of several devices in step.
     """
@@ -89,22 +94,11 @@ class SeriesReader:
             return bool(head_of(path, 1))
         if suffix in _MAGIC:
             return head_of(path, 8).startswith(_MAGIC[suffix])
-        return suffix in (".csv", ".tsv") and not self.refusal(path)
+        return suffix in TEXTS and not self.refusal(path)
 
     def refusal(self, path: Path) -> str:
         """Why a table holds no channels."""
-        try:
-            with open_keypoints(path, MAX_CSV_BYTES) as file:
-                names, rows = split_header(rows_of(file, printable(path)), lambda names: None)
-                first = next(rows, None)
-        except KeypointError as error:
-            return error.cause
-        if first is None:
-            return "it has no row below its header" if names else "it has no row"
-        clock = self._clock(names) if names else None
-        if not any(number_in(cell) is not None for place, cell in enumerate(first) if place != clock):
-            return f"its first row {','.join(first)[:60]!r} holds no number"
-        return ""
+        return lacking(path, self._clock)
 
     def members(self, path: Path) -> list[str]:
         """The series in a collection, or the arrays of an ``.npz``; ``[""]`` for a single recording."""
@@ -137,6 +131,9 @@ class SeriesReader:
         if suffix == ".npy":
             with open_keypoints(path, MAX_FILE_BYTES) as file:
                 return [self._array(read_array(file, source), source)]
+        if suffix == ".wav":
+            values, rate, notes = samples_in(path)
+            return [self._recording(values, numbered(values.shape[1]), None, source, notes, rate)]
         return [self._parquet(path, source) if suffix == ".parquet" else self._text(path, source)]
 
     def _archive(self, path: Path) -> dict[str, Series]:
@@ -161,6 +158,7 @@ class SeriesReader:
         clock: tuple[str, np.ndarray] | None,
         source: str,
         notes: Sequence[str] = (),
+        rate: float = 0.0,
     ) -> Recording:
         provenance = {"reader": "series"}
         if clock is None:
@@ -169,68 +167,70 @@ class SeriesReader:
                     f"has no column {self.time!r}", subject=source, remedy="another --set series.time=…",
                     code="E_KEYPOINTS_TIMES",
                 )  # fmt: skip
-            times = np.arange(len(values)) / self.options.rate
-            provenance["assumed"] = self.options.assumed(fps=self.options.rate)
+            times = np.arange(len(values)) / (rate or self.options.rate)
+            if not rate:
+                provenance["assumed"] = self.options.assumed(fps=self.options.rate)
         else:
             name, given = clock
             if np.isnan(given).any():
                 row = int(np.isnan(given).argmax()) + 1
                 raise KeypointError(f"has no time in row {row}", subject=source, code="E_KEYPOINTS_TIMES")
-            scale = self.per_second or time_scale(name) or 1.0
-            times = seconds(given, scale, source)
-            provenance[BEGAN] = repr(float(given[0]) / scale)
-        notes = [*notes, *_odd(values, channels)]
+            times = seconds(given, name, source, self.per_second)
+            provenance[BEGAN] = repr(float(times[0]))
+            times = times - times[0]
+        notes = [*notes, *_odd(values, channels), *_odd_times(times), *_odd_shape(values)]
         if notes:
             provenance["notes"] = "; ".join(notes)
         return Recording(values, times, channels, source, provenance)
 
     def _table(
-        self, columns: Mapping[str, np.ndarray], source: str, left_out: Sequence[str], named: bool
+        self,
+        columns: Mapping[str, np.ndarray],
+        source: str,
+        left_out: Sequence[str],
+        named: bool,
+        clock: str | None = None,
+        rate: float = 0.0,
+        notes: Sequence[str] = (),
     ) -> Recording:
-        """A recording from named columns, one of which may be the time."""
-        names = list(columns)
-        clock = self._clock(names) if named else None
-        rest = [name for place, name in enumerate(names) if place != clock]
+        """A recording from named columns, one of which, ``clock``, may be the time."""
+        other = [name for name in columns if name != clock and self._no_channel(name, columns[name])]
+        rising = [name for name, one in columns.items() if _rises(one)]
+        if clock is None and not rate:
+            clock = next((name for name in other if name in rising and unit_of_time(name)), None)
+            other = [name for name in other if name != clock]
+        rest = [name for name in columns if name != clock and name not in other]
         if not rest:
-            raise KeypointError("has no column of numbers", subject=source, code="E_KEYPOINTS_FORMAT")
-        said = None if clock is None else (names[clock], columns[names[clock]])
+            raise KeypointError(
+                "has no column of numbers" + (f" but {', '.join(other)}" if other else ""),
+                subject=source, code="E_KEYPOINTS_FORMAT",
+            )  # fmt: skip
+        said = None if clock is None else (clock, columns[clock])
         channels = grouped(rest, self.groups) if named else numbered(len(rest))
-        notes = [f"left out, as they hold text: {', '.join(left_out)}"] if left_out else []
+        notes = list(notes)
+        if left_out:
+            notes.append(f"left out, as they hold text: {', '.join(left_out)}")
+        if other:
+            notes.append(f"left out, as they count or label: {', '.join(other)} (series.groups keeps them)")
         values = np.stack([columns[name] for name in rest], axis=1)
-        if not named and len(values) > 2 and (np.diff(values[:, 0]) > 0).all():
-            notes.append("its first column only ascends: a header that calls it time makes it one")
-        return self._recording(values, channels, said, source, notes)
+        times = [name for name in rising if (np.diff(columns[name]) != 1).any()]
+        if clock is None and not rate and len(values) >= _STILL and times:
+            notes.append(f"{times[0]} only ascends: if it is the time, --set series.time={times[0]!r}")
+        return self._recording(values, channels, said, source, notes, rate)
+
+    def _no_channel(self, name: str, values: np.ndarray) -> bool:
+        """Whether a column counts or labels; one without a name does so where it is as even as the rows."""
+        if name in self.groups:
+            return False
+        if name.startswith("column ") and len(values) > 1:
+            return bool((np.diff(values) == 1).all())
+        return not is_channel(name)
 
     def _text(self, path: Path, source: str) -> Recording:
-        with open_keypoints(path, MAX_CSV_BYTES) as file:
-            names, rows = split_header(rows_of(file, source), lambda names: None)
-            first = list(islice(rows, _LOOKED_AT))
-            if not first:
-                raise KeypointError("holds no row", subject=source, code="E_KEYPOINTS_EMPTY")
-            width = len(first[0])
-            called = [name.strip() or f"column {n + 1}" for n, name in enumerate(names or [""] * width)]
-            if len(called) != width:
-                cause = f"its header has {len(called)} cells, its first row {width}"
-                raise KeypointError(cause, subject=source, code="E_KEYPOINTS_FORMAT")
-            text = [
-                column
-                for column in range(width)
-                if all(number_in(row[column]) is None for row in first if len(row) == width)
-            ]
-            clock = self._clock(called) if names else None
-            if width * len(first) > _MOST_CELLS:
-                raise KeypointError("is too wide", subject=source, code="E_KEYPOINTS_LIMIT")
-            wanted = [column for column in range(width) if column not in text]
-            table, rest = numbers_of(chain(first, rows), width, wanted, called, MAX_FRAMES, source)
-        columns = {called[column]: table[:, column] for column in wanted}
-        if len(columns) < len(wanted):
-            twice = next(name for name in called if called.count(name) > 1)
-            raise KeypointError(f"has two columns {twice!r}", subject=source, code="E_KEYPOINTS_FORMAT")
-        if clock in text:
-            place = text.index(clock)
-            columns = {called[clock]: _dates([row[place] for row in rest], source), **columns}
-            text.remove(clock)
-        return self._table(columns, source, [called[column] for column in text], names is not None)
+        table = read_text(path, self._clock)
+        return self._table(
+            table.columns, source, table.left_out, table.named, table.clock, table.rate, table.notes
+        )
 
     def _array(self, values: np.ndarray, source: str) -> Recording:
         values = values[:, None] if values.ndim == 1 else values
@@ -268,7 +268,7 @@ class SeriesReader:
                 f"{group}/{end}" if array.shape[1] > 1 else group: column
                 for end, column in zip(ends, array.T, strict=False)
             }
-        return self._table({name: times.astype(np.float64), **columns}, source, [], True)
+        return self._table({name: times.astype(np.float64), **columns}, source, [], True, name)
 
     def _parquet(self, path: Path, source: str) -> Recording:
         import pyarrow as pa
@@ -283,12 +283,15 @@ class SeriesReader:
                     raise KeypointError(cause, subject=source, remedy="split it", code="E_KEYPOINTS_LIMIT")
                 schema = parquet.schema_arrow
                 kinds = {name: schema.field(name).type for name in schema.names}
+                index = [
+                    n for n in kinds if n.startswith("__index_level_") and pa.types.is_timestamp(kinds[n])
+                ]
                 table = parquet.read([name for name, kind in kinds.items() if pa.types.is_primitive(kind)])
                 columns: dict[str, np.ndarray] = {}
                 for name in table.column_names:
                     kind, column = kinds[name], table.column(name)
                     if pa.types.is_timestamp(kind):
-                        columns[name] = dated(column.to_numpy())
+                        columns["time" if name in index else name] = dated(column.to_numpy())
                     elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind):
                         columns[name.removeprefix(_STORED)] = column.to_numpy().astype(np.float64)
             except GestureError:
@@ -301,8 +304,13 @@ class SeriesReader:
         own = any(name.startswith(_STORED) for name in kinds)
         if own:
             columns.pop("person", None)
-        left_out = [name for name in kinds if name.removeprefix(_STORED) not in columns and name != "person"]
-        return self._table(columns, source, left_out, True)
+        left_out = [
+            name
+            for name in kinds
+            if name.removeprefix(_STORED) not in columns and name not in ("person", *index)
+        ]
+        clock = self._clock(list(columns))
+        return self._table(columns, source, left_out, True, None if clock is None else list(columns)[clock])
 
 
 def _odd(values: np.ndarray, channels: Sequence[str]) -> list[str]:
@@ -318,14 +326,26 @@ def _odd(values: np.ndarray, channels: Sequence[str]) -> list[str]:
     ]
 
 
-def _dates(cells: Sequence[str], source: str) -> np.ndarray:
-    """Seconds of dates as ISO 8601 writes them."""
-    times = np.array([seconds_in(cell) for cell in cells], np.float64)
-    if np.isnan(times).any():
-        raise KeypointError(
-            f"its times, such as {cells[0].strip()[:30]!r}, are neither numbers nor dates",
-            subject=source,
-            remedy="seconds, or dates such as 2024-05-01T12:00:00.250",
-            code="E_KEYPOINTS_TIMES",
-        )
-    return times
+def _rises(values: np.ndarray) -> bool:
+    return len(values) > 1 and bool(np.isfinite(values).all() and (np.diff(values) > 0).all())
+
+
+def _odd_times(times: np.ndarray) -> list[str]:
+    """Clauses about times that are far apart, or that several samples share."""
+    steps = np.diff(times)
+    if not (steps > 0).any():
+        return []
+    usual, shared, longest = float(np.median(steps[steps > 0])), int((steps == 0).sum()), float(steps.max())
+    notes = [f"its samples are {usual:g} s apart"] if usual >= _SLOW else []
+    if shared > len(steps) / 10:
+        notes.append(f"{shared} samples have the time of the one before")
+    if longest > max(_PAUSE, 5 * usual):
+        notes.append(f"no sample for {longest:.3g} s after {times[int(steps.argmax())]:.3g} s")
+    return notes
+
+
+def _odd_shape(values: np.ndarray) -> list[str]:
+    """A clause about what may have its channels first."""
+    samples, channels = values.shape
+    few = samples * 2 <= channels and samples < _STILL
+    return [f"{samples} samples of {channels} channels: if each row is one, transpose it"] if few else []

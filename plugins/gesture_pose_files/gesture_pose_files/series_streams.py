@@ -51,11 +51,20 @@ def in_step(parts: Mapping[str, Recording], source: str) -> Recording:
     values, channels = [], list[str]()
     for name, part in parts.items():
         values.append(np.stack([_at(common, times[name], column) for column in part.values.T], axis=1))
-        channels += [f"{name}_{one}" if "/" in one else f"{name}/{one}" for one in part.channels]
+        channels += [_of_stream(one, name) for one in part.channels]
     facts = {key: value for part in parts.values() for key, value in part.provenance.items() if key != BEGAN}
     notes = [f"{name}: {p.provenance['notes']}" for name, p in parts.items() if "notes" in p.provenance]
     facts |= {"notes": "; ".join(notes)} if notes else {}
     return Recording(np.concatenate(values, axis=1), common - common[0], tuple(channels), source, facts)
+
+
+def _of_stream(channel: str, stream: str) -> str:
+    """``acc@imu/x[g]`` for ``acc/x[g]``: no name of a file has such a mark."""
+    group, slash, rest = channel.partition("/")
+    if not slash:
+        group, bracket, rest = channel.partition("[")
+        slash = bracket
+    return f"{group}@{stream}{slash}{rest}"
 
 
 def _at(common: np.ndarray, times: np.ndarray, column: np.ndarray) -> np.ndarray:

@@ -11,18 +11,21 @@ from typing import IO
 
 import numpy as np
 
+from gesture_core.channel_names import is_unit
 from gesture_core.errors import KeypointError
 from gesture_pose_files.files import MAX_FRAMES
 
 MAX_LINE = 1 << 20
 SUFFIXES = (".csv", ".tsv", ".txt")
 """Of the tables that readers of this plugin take."""
-_MOST_HEADS = 4
+_MOST_HEADS = 6
 _LOOKED_AT = 8
 _NAMES_ITS_SEPARATOR = re.compile(r'"?sep=(.|\\t)"?', re.IGNORECASE)
 _FEWEST = 20  # columns of a bare table
 _THOUSANDS = re.compile(r"-?[0-9]{1,3}(,[0-9]{3})+\.[0-9]+")
-_CLOCK = re.compile(r"(?:(\d+) days? )?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)")
+_CLOCK = re.compile(
+    r"(?:(\d+) days? )?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+|:\d{3})?)(?:\s*([ap])\.?m\.?)?", re.I
+)
 _MISSING = frozenset(("", "nan", "-nan", "none", "null", "na", "n/a", "#n/a", "<na>", "nil", "-", "--", "."))
 _MAX_ROWS = MAX_FRAMES * 64
 
@@ -38,12 +41,17 @@ def rows_of(file: IO[bytes], source: str, mark: str = "") -> Iterator[list[str]]
         if first and (named := _NAMES_ITS_SEPARATOR.fullmatch(first[0])):
             mark = named[1].replace("\\t", "\t")
             del first[0]
-        mark, lines = mark or _separator(first[-1] if first else ""), chain(first, lines)
+        mark, lines = mark or separator(first[-1] if first else ""), chain(first, lines)
     for line in lines:
-        try:
-            yield line.split() if mark == " " else next(csv.reader([line], delimiter=mark), [])
-        except csv.Error:
-            yield []
+        yield cells_of(line, mark)
+
+
+def cells_of(line: str, mark: str) -> list[str]:
+    """The cells of a line, none where its quotes are broken."""
+    try:
+        return line.split() if mark == " " else next(csv.reader([line], delimiter=mark), [])
+    except csv.Error:
+        return []
 
 
 def _lines(file: IO[bytes], source: str) -> Iterator[str]:
@@ -68,7 +76,7 @@ def _lines(file: IO[bytes], source: str) -> Iterator[str]:
             yield text
 
 
-def _separator(line: str) -> str:
+def separator(line: str) -> str:
     """What separates the cells of a row, in which a comma may be a decimal one."""
     commas = line.count(",")
     rare = next((mark for mark in (";", "\t", "|") if mark in line and line.count(mark) + 1 >= commas), "")
@@ -76,14 +84,15 @@ def _separator(line: str) -> str:
 
 
 def split_header(
-    rows: Iterable[list[str]], known: Callable[[list[str]], object | None]
+    rows: Iterable[list[str]], known: Callable[[list[str]], object | None], *, units: bool = False
 ) -> tuple[list[str] | None, Iterator[list[str]]]:
     """The names of the columns, None where there are none, and the rows below them.
 
     A first row that only counts the columns, as data-frame libraries write it, is a header that names
     nothing. Names may take several rows, as one for joints and one for x and y: as many as it takes until
-    they are ``known``. A title, which is shorter than the rows below, is no name, and empty rows before a
-    table without names are frames in which nobody was found.
+    they are ``known``. With ``units`` the last of these may be one of units. A title, which is shorter than
+    the rows below, is no name, and empty rows before a table without names are frames in which nobody was
+    found.
     """
     rest = iter(rows)
     heads: list[list[str]] = []
@@ -98,13 +107,13 @@ def split_header(
             return None, (row[shift:] for row in rest)
         if _is_data(cells) or len(heads) == _MOST_HEADS:
             heads = [head for head in heads if len(head) == len(cells)]
-            return _joined(heads), chain([] if heads else empty, [cells], rest)
+            return _joined(heads, units=units), chain([] if heads else empty, [cells], rest)
         heads.append(cells)
         alike = [head for head in heads if len(head) == len(cells)]
         if known(_joined(alike) or []) is not None:
             heads = alike
             break
-    return _joined(heads), rest
+    return _joined(heads, units=units), rest
 
 
 def numbers_of(
@@ -201,7 +210,11 @@ def seconds_in(cell: str) -> float | None:
         return value
     text = cell.strip()
     if found := _CLOCK.fullmatch(text):
-        days, hours, minutes, seconds = (float((part or "0").replace(",", ".")) for part in found.groups())
+        days, hours, minutes, seconds = (
+            float(re.sub("[,:]", ".", part or "0")) for part in found.group(1, 2, 3, 4)
+        )
+        if found[5]:
+            hours = hours % 12 + 12 * (found[5] in "pP")
         return ((days * 24 + hours) * 60 + minutes) * 60 + seconds
     try:
         moment = datetime.fromisoformat(text)
@@ -234,8 +247,15 @@ def _is_data(cells: Sequence[str]) -> bool:
     return bool(filled) and 2 * len(numbers) >= len(filled)
 
 
-def _joined(heads: list[list[str]]) -> list[str] | None:
+def _joined(heads: list[list[str]], *, units: bool = False) -> list[str] | None:
     """One name for each column from the rows of a header; a cell that spans several is filled first."""
+    last = [cell.strip() for cell in heads[-1] if cell.strip()] if units and len(heads) > 1 else []
+    if last and all(map(is_unit, last)) and len(heads[-1]) == len(heads[-2]):
+        names = _joined(heads[:-1]) or []
+        return [
+            f"{name} [{unit.strip()}]" if unit.strip() else name
+            for name, unit in zip(names, heads[-1], strict=True)
+        ]
     if len(heads) < 2:
         return heads[0] if heads else None
     if len({len(cells) for cells in heads}) > 1:

@@ -8,9 +8,10 @@ from typing import Literal
 import numpy as np
 
 from gesture_core.errors import PoseError
-from gesture_core.skeletons import COCO18, FACE, HANDS42, with_parts
+from gesture_core.joints import FACE
+from gesture_core.skeletons import COCO18, HANDS42, with_parts
 from gesture_core.types import PoseSequence
-from gesture_signals.normalizers import TorsoNormalizer, median_over_time
+from gesture_signals.normalizers import Torso, median_over_time
 
 PALM, EYES = 0.2, 0.13
 """Torso lengths from the wrist to the knuckles of the fingers, and from pupil to pupil: of a body, everything
@@ -25,7 +26,7 @@ _TINY = 1e-6
 
 
 @dataclass(frozen=True)
-class HandsNormalizer:
+class HandsNormalizer(Torso):
     """The body as `TorsoNormalizer` has it, hands and face each in a frame of its own.
 
     A hand has its wrist at the origin and its palm at `PALM` torso lengths; a face has the middle of its eyes
@@ -34,13 +35,6 @@ class HandsNormalizer:
 
     Parameters
     ----------
-    window : float
-        Seconds of the running median of the torso's length; zero takes that of the whole sequence.
-    floor : float
-        Frames below this share of the sequence's median do not take part.
-    shoulders : float
-        Torso lengths in one shoulder distance, for a person whose hips are not seen; zero makes that
-        an error, E_POSE_SCALE.
     turn : "forearm", "hand" or "none"
         What points up in the frame of a hand: the forearm, or the hand itself where none is seen; always the
         hand; or what does so in the picture.
@@ -50,15 +44,12 @@ class HandsNormalizer:
         Take the face, too.
     """
 
-    window: float = 0.25
-    floor: float = 0.2
-    shoulders: float = 1.45
     turn: Literal["forearm", "hand", "none"] = "forearm"
     steady: float = 1.0
     face: bool = False
 
     def __post_init__(self) -> None:
-        TorsoNormalizer(self.window, self.floor, self.shoulders)
+        super().__post_init__()
         if self.turn not in ("forearm", "hand", "none") or not self.steady >= 0:
             raise ValueError(
                 f"turn {self.turn!r} is none of forearm, hand, none, or steady {self.steady} < 0"
@@ -82,7 +73,7 @@ class HandsNormalizer:
         out = np.full(points.shape, np.nan)
         palms = {side: self._palm(points, side, pose.times) for side in ("left", "right")}
         if np.isfinite(points[:, _AT["neck"]]).any():
-            out[:, _BODY] = TorsoNormalizer(self.window, self.floor, self.shoulders).normalize(pose)[:, _BODY]
+            out[:, _BODY] = self.scaled(pose)[:, _BODY]
         else:
             out[:, _BODY] = _wrists(points, palms, pose)
         for side, palm in palms.items():

@@ -45,7 +45,7 @@ class ShoulderNormalizer:
 
 
 @dataclass(frozen=True)
-class TorsoNormalizer:
+class Torso:
     """Neck at the origin; scale from the running median of the distance from neck to mid-hip.
 
     Parameters
@@ -60,9 +60,9 @@ class TorsoNormalizer:
         (a camera one metre away); zero makes that an error, E_POSE_SCALE.
     """
 
-    window: float = 0.0
+    window: float = 0.25
     floor: float = 0.2
-    shoulders: float = 0.0
+    shoulders: float = 1.45
 
     def __post_init__(self) -> None:
         if not (self.window >= 0 and self.shoulders >= 0) or not 0 <= self.floor < 1:
@@ -71,8 +71,8 @@ class TorsoNormalizer:
                 f"floor {self.floor} must be in 0..1"
             )
 
-    def normalize(self, pose: PoseSequence) -> np.ndarray:
-        """(T, 18, 2) float64 in torso lengths; NaN where a joint or the neck is missing."""
+    def scaled(self, pose: PoseSequence) -> np.ndarray:
+        """(T, J, 2 or 3) float64 in torso lengths; NaN where a joint or the neck is missing."""
         length = np.linalg.norm(_joint(pose, "neck") - _mid_hip(pose), axis=1)
         what = "distance from neck to hips"
         if self.shoulders and not np.isfinite(length).any():
@@ -84,35 +84,35 @@ class TorsoNormalizer:
         points: np.ndarray = _relative_to_neck(pose) / scale
         return points
 
+
+@dataclass(frozen=True)
+class TorsoNormalizer(Torso):
+    """Neck at the origin; scale from the running median of the distance from neck to mid-hip."""
+
+    window: float = 0.0
+    shoulders: float = 0.0
+
+    def normalize(self, pose: PoseSequence) -> np.ndarray:
+        """(T, 18, 2) float64 in torso lengths; NaN where a joint or the neck is missing."""
+        return self.scaled(pose)
+
     def on_stream(self) -> TorsoNormalizer:
         """The same with a running scale."""
         return replace(self, window=self.window or RUNNING)
 
 
 @dataclass(frozen=True)
-class UprightNormalizer:
+class UprightNormalizer(Torso):
     """`TorsoNormalizer` after turning the picture so that the torso stands upright.
 
     One angle serves the whole sequence, the direction of the summed vectors from mid-hip to neck, so
     that a bow or a lunge is still seen as one. What is lost is the difference between a person who
-    stands and one who lies.
-
-    Parameters
-    ----------
-    window, floor, shoulders
-        Those of `TorsoNormalizer`. Without hips the shoulders' line is made level instead.
+    stands and one who lies. Without hips the shoulders' line is made level instead.
     """
-
-    window: float = 0.25
-    floor: float = 0.2
-    shoulders: float = 1.45
-
-    def __post_init__(self) -> None:
-        TorsoNormalizer(self.window, self.floor, self.shoulders)
 
     def normalize(self, pose: PoseSequence) -> np.ndarray:
         """(T, 18, 2) float64 in torso lengths, upright; NaN where a joint or the neck is missing."""
-        scaled = TorsoNormalizer(self.window, self.floor, self.shoulders).normalize(pose)
+        scaled = self.scaled(pose)
         up = _sum(_joint(pose, "neck") - _mid_hip(pose))
         if not up.any():
             across = _sum(_joint(pose, "left_shoulder") - _joint(pose, "right_shoulder"))
@@ -131,7 +131,7 @@ class UprightNormalizer:
 
 
 @dataclass(frozen=True)
-class ViewNormalizer:
+class ViewNormalizer(Torso):
     """`TorsoNormalizer` in the torso's own axes, so that a turn of the body does not matter.
 
     x points to the body's left, y down the back, z to the back. One frame of reference serves the whole
@@ -141,25 +141,12 @@ class ViewNormalizer:
 
     Parameters
     ----------
-    window : float
-        Seconds of the running median of the torso's length; zero takes that of the whole sequence.
-    floor : float
-        Frames below this share of the sequence's median do not take part.
-    shoulders : float
-        Torso lengths in one shoulder distance, for a person whose hips are not seen; zero makes that
-        an error, E_POSE_SCALE.
     upright : bool
         Turn around the vertical axis of the picture alone, so that a bow in all frames stays one.
     """
 
-    window: float = 0.25
-    floor: float = 0.2
-    shoulders: float = 1.45
     upright: bool = False
     needs_depth: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        TorsoNormalizer(self.window, self.floor, self.shoulders)
 
     def normalize(self, pose: PoseSequence) -> np.ndarray:
         """(T, 18, 3) float64 in torso lengths; NaN where a joint or the neck is missing."""
@@ -171,7 +158,7 @@ class ViewNormalizer:
                 "--set keypoints.depth=true; or --set signals.normalizer=torso",
                 code="E_POSE_SCALE",
             )
-        scaled = TorsoNormalizer(self.window, self.floor, self.shoulders).normalize(pose)
+        scaled = self.scaled(pose)
         down = np.array([0.0, 1.0, 0.0]) if self.upright else _sum(_mid_hip(pose) - _joint(pose, "neck"))
         pairs = [("left_shoulder", "right_shoulder"), ("left_hip", "right_hip")]
         left = np.sum([_sum(_joint(pose, one) - _joint(pose, other)) for one, other in pairs], axis=0)

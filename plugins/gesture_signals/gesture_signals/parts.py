@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gesture_core.errors import SignalError
-from gesture_core.skeletons import FINGERS
+from gesture_core.joints import FINGERS
 from gesture_core.types import Signals
 from gesture_signals.filters import smooth
 
