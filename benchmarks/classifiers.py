@@ -38,14 +38,15 @@ KEPT = 0.95
 def msrc12_clips(shared: Path) -> list[Item]:
     """Clips around the action points of MSRC-12: 12 gestures by five people."""
     items = []
-    for subject, gesture, pose, marks in msrc12(shared):
-        points = sorted(marks)
+    for recording in msrc12(shared)[0]:
+        pose, gesture = recording.pose, recording.truth[0][0]
+        points = sorted(point for _, point, _ in recording.truth)
         middles = [-np.inf, *((a + b) / 2 for a, b in pairwise(points)), np.inf]
         for index, point in enumerate(points):
             start, end = max(point - 2, middles[index]), min(point + 2, middles[index + 1])
             clip = cut(pose, start, end, f"{pose.source}_{index}")
             if len(clip) >= 8:
-                items.append(Item(clip, gesture, subject, clip.source))
+                items.append(Item(clip, gesture, recording.subject, clip.source))
     return items
 
 
@@ -94,7 +95,7 @@ def strangers(compared: Compared, name: str) -> dict[str, tuple[float, float]]:
     labels = np.array([compared.data.labels[i] for i in compared.usable])
     subjects = np.array([compared.data.subjects[i] for i in compared.usable])
     settings = load_settings("modern", classify__classifier=name)
-    signs = {"margin": 1.0, "distance": -1.0, "margin over distance": 1.0}
+    signs = {"margin": 1.0, "distance": -1.0, "margin over distance": 1.0, "score of the winner": 1.0}
     known: dict[str, list[float]] = {key: [] for key in signs}
     unknown: dict[str, list[float]] = {key: [] for key in signs}
     for gone in np.unique(labels):
@@ -107,6 +108,7 @@ def strangers(compared: Compared, name: str) -> dict[str, tuple[float, float]]:
             votes = votes_of(fitted, compared.within[np.ix_(queries, examples)], compared.of(queries))
             values = {"margin": votes.margins, "distance": votes.distances}
             values["margin over distance"] = votes.margins / np.maximum(votes.distances, 1e-9)
+            values["score of the winner"] = votes.scores.max(axis=1)
             right = classes[votes.winners] == labels[queries]
             for key, value in values.items():
                 known[key] += (signs[key] * value[right]).tolist()

@@ -43,7 +43,8 @@ def main() -> None:
 def of_one(known, run, signals, labels, settings):  # type: ignore[no-untyped-def]
     """Accuracy and examples added: without corrections, then for each count the chosen ones and all."""
     recognizer = Recognizer.fit(settings, [signals[i] for i in known], [labels[i] for i in known])
-    margins = [p.margin if p.margin is not None else np.inf for p in recognizer.predictions(of(signals, run))]
+    predicted = recognizer.predictions(of(signals, run))
+    margins = [p.margin if p.margin is not None else np.inf for p in predicted]
     order = np.argsort(margins, kind="stable")
     tested = [run[i] for i in order[max(COUNTS) :]]
     found = [(accuracy(known, [], tested, signals, labels, settings), 0)]
@@ -51,8 +52,8 @@ def of_one(known, run, signals, labels, settings):  # type: ignore[no-untyped-de
     for count in COUNTS:
         answered = [run[i] for i in order[:count]]
         new = compare(of(signals, run), of(signals, answered), settings)
-        names = [str(label) for label in recognizer.library.labels]
-        chosen = choose(distances, names, new, of(labels, answered), order[:count].tolist())
+        said = [p.label or "" for p in predicted]
+        chosen = choose(distances, said, new, of(labels, answered), order[:count].tolist())
         for added in ([answered[c] for c in chosen], answered):
             found.append((accuracy(known, added, tested, signals, labels, settings), len(added)))
     return found

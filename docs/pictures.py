@@ -30,7 +30,7 @@ def main() -> None:
         one_each = {row.label: row for row in reversed(rows)}
         people(sorted(one_each.values(), key=lambda row: row.input))
         chosen = str(archive.videos / "clip_01.mp4")
-        run(["explain", str(out), chosen, "--channels", "2", "--out", str(IMAGES / "explanation.png")])
+        run(["explain", str(out), chosen, "--out", str(IMAGES / "explanation.png")])
 
 
 def people(rows: list) -> None:  # type: ignore[type-arg]

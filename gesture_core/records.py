@@ -124,6 +124,9 @@ class Prediction:
         Distance to the nearest example of any other class minus `distance`, as the vote's winner
         sees it; the lead of the winner's score, 0 to about 1, where all examples decide
         (``classify.neighbors = 0``). None with only one class.
+    confidence : float or None
+        Probability that the winner is right, calibrated on the examples; only where `classify.confidence`
+        asks for it.
     neighbors : tuple of (example, label, distance)
         The k nearest examples, nearest first; where all examples decide, the nearest one of each of
         the three best classes, best class first.
@@ -144,6 +147,7 @@ class Prediction:
     code: str = ""
     message: str = ""
     note: str = ""
+    confidence: float | None = None
 
 
 @dataclass(frozen=True)
@@ -195,7 +199,7 @@ class Row:
     label : str or None
         The gesture; only rows with the status ``ok`` or ``degraded`` have one.
     distance : float or None
-    margin : float or None
+    margin, confidence : float or None
     neighbors : tuple of (example, label, distance)
         As in `Prediction`.
     status : str
@@ -258,6 +262,7 @@ class Row:
     fingerprint: str = ""
     event: int = 0
     score: float | None = None
+    confidence: float | None = None
 
     def as_record(self) -> dict[str, Any]:
         """The row as scalars: ``neighbors`` as JSON, ``selected`` joined by spaces, all text valid UTF-8."""
@@ -280,6 +285,9 @@ class Row:
 
 
 COLUMNS: tuple[str, ...] = tuple(f.name for f in fields(Row))
+INTEGERS = frozenset(f.name for f in fields(Row) if f.type in ("int", "int | None"))
+REALS = frozenset(f.name for f in fields(Row) if f.type in ("float", "float | None"))
+"""Those of the columns that hold numbers; the others hold text."""
 
 
 @dataclass(frozen=True)

@@ -137,7 +137,7 @@ def test_the_plugins_of_the_chain_are_one_list() -> None:
         ("filter", "resample"),
         ("filter", "parts"),
         ("filter", "parts:spot"),
-        ("classifier", "weighed"),
+        ("classifier", "blend"),
     ]
     twice = load("filters=gaussian,gaussian:wide", "kernel=numpy").plugins()
     filters = [("filter", "gaussian"), ("filter", "gaussian:wide")]

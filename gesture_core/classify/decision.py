@@ -239,6 +239,7 @@ def decide(
                 code,
                 message,
                 note,
+                None if votes.chances is None else round(float(votes.chances[index]), _DECIMALS),
             )
         )
     return predictions

@@ -111,14 +111,20 @@ def learn_weights(
     roots, rows = np.sqrt(scales), np.sqrt(_scales(others, usual)[0])
     rows[marks] = roots
     similarity = np.exp(-_exponents(distances, rows[:, None] * roots, sharpness))
+    targets, scarcity = targets_of(codes, classes)
+    counted = similarity.T * scarcity
+    weights = np.linalg.solve(counted @ similarity + shrinkage * np.eye(len(marks)), counted @ targets)
+    return ExampleWeights(roots * np.sqrt(usual), weights, sharpness)
+
+
+def targets_of(codes: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N, C) what the scores of the examples should be, and how much each counts; see `learn_weights`."""
     members = np.bincount(codes, minlength=classes).astype(np.float64)
     met = members > 0
     targets = np.where(met, -1 / met.sum(), 0.0)[None].repeat(len(codes), axis=0)
     scarcity = members[met].mean() / members[codes]
     targets[np.arange(len(codes)), codes] += scarcity**0.25
-    counted = similarity.T * scarcity
-    weights = np.linalg.solve(counted @ similarity + shrinkage * np.eye(len(marks)), counted @ targets)
-    return ExampleWeights(roots * np.sqrt(usual), weights, sharpness)
+    return targets, scarcity
 
 
 def _scales(others: np.ndarray, usual: float | None = None) -> tuple[np.ndarray, float]:

@@ -85,15 +85,21 @@ class Evaluation:
     def confusion(self) -> tuple[list[str], np.ndarray]:
         """Names of the columns and the (C, C or more) counts.
 
-        The classes come first, then what was answered but never tested, then "(none)" if any.
+        The classes come first, then what was answered but never tested, then "(none)" if any was not
+        recognised; in more brackets where a class is called so.
         """
-        none = "(none)"
-        predicted = [answer.predicted or none for answer in self.answers]
-        others = sorted({*predicted} - {*self.classes, none})
-        columns = self.classes + others + ([none] if none in predicted else [])
+        others = {answer.predicted for answer in self.answers if answer.predicted is not None}
+        columns = [*self.classes, *sorted(others - {*self.classes})]
+        places = {name: place for place, name in enumerate(columns)}
+        if any(answer.predicted is None for answer in self.answers):
+            none = "(none)"
+            while none in places:
+                none = f"({none})"
+            columns.append(none)
         counts = np.zeros((len(self.classes), len(columns)), np.int64)
-        rows = [columns.index(answer.label) for answer in self.answers]
-        np.add.at(counts, (rows, [columns.index(name) for name in predicted]), 1)
+        for answer in self.answers:
+            column = -1 if answer.predicted is None else places[answer.predicted]
+            counts[places[answer.label], column] += 1
         return columns, counts
 
     def rejection_curve(self) -> list[tuple[float, float, float]]:

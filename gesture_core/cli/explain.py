@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _EXAMPLES_SHOWN = 6
 _CHANNELS_LISTED = 12
+_SHOWN = {"query": "the input", "nearest": "the nearest example", "runner_up": "the runner-up"}
 
 Channels = Annotated[Whole, Parameter(validator=validators.Number(gte=1))]
 
@@ -31,9 +32,9 @@ def explain(
     person: Whole = 0,
     event: Annotated[Whole, UNSAID] = 0,
     out: Path | None = None,
-    channels: Channels = 4,
+    channels: Channels = 3,
 ) -> int:
-    """Show why an input of a run got its label: channels, their costs, both warpings.
+    """Show why an input of a run got its label: what was matched, and which channels decided.
 
     Parameters
     ----------
@@ -51,7 +52,9 @@ def explain(
         How many channels to draw; at least twelve are listed.
     """
     from gesture_core.cli.progress import progress
+    from gesture_core.report.channel_names import ChannelNames
     from gesture_core.report.explanation import explanation_plot
+    from gesture_core.report.film_strips import film_strips
     from gesture_core.run.explain import explain as explain_row
 
     if out is not None:
@@ -61,19 +64,32 @@ def explain(
         found = explain_row(run, input, person, event, listener=listener)
     target = out or run / found.file_name
     check_file(target, (".png",))
-    title = f"{Path(found.row.input).name}: {found.row.label or found.row.status}{_when(found.row)}"
-    missing = None
+    row, missing = found.row, None
+    file, mark, member = row.input.partition("::")
+    title = f"{Path(file).name}{mark}{member}: {row.label or row.status}"
     try:  # before anything is printed: a closed pipe must not cost it
-        explanation_plot(found.explanation, title, target, channels)
+        with progress([input], quiet=not sys.stderr.isatty()) as listener:
+            strips = film_strips(found, listener)
+        names = ChannelNames(found.settings, spotted=bool(row.event))
+        explanation_plot(found.explanation, title, target, names, channels, strips, _facts(row))
     except MissingDependencyError as error:
-        missing = error
+        missing, strips = error, None
     _print(found.row, found.explanation, channels)
     if found.sided:
         say(mirroring_hint(found.sided))
     if missing and out:
         raise missing
+    for which, why in strips.missing.items() if strips else ():
+        say(f"no pictures of {_SHOWN[which]}: {why}")
     say(f"no picture: {missing.message}" if missing else str(target))
     return 0
+
+
+def _facts(row: Row) -> str:
+    """What the run says of a row, in one line."""
+    numbers = [(name, getattr(row, name)) for name in ("score", "confidence", "margin", "distance")]
+    said = [f"{name} {value:.3g}" for name, value in numbers if value is not None]
+    return ", ".join(filter(None, [_when(row).removeprefix(", "), row.code, *said]))
 
 
 def _when(row: Row) -> str:
@@ -127,8 +143,8 @@ def _print_examples(found: Explanation) -> None:
         rows.append([counted(len(rest), "more example"), "", "", f"{sum(v.added for v in rest):+.3f}"])
     if rows:
         print_table(["example", "label", "distance", favours], rows, right=["distance", favours])
-    if found.members:
+    if len(found.members) > 1:
         said = ", ".join(f"{name} {added:+.3f}" for name, added in found.members)
-        print(f"{said}: together the margin, {found.lead:.3g}")
+        print(f"all examples decide: {said}; together the margin, {found.lead:.3g}")
     else:
         print(f"all examples decide; their contributions add up to the margin, {found.lead:.3g}")

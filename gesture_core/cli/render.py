@@ -50,7 +50,7 @@ def render(
         Replace a file that is there.
     """
     from gesture_core.pose.overlay import cropped, overlay, write_strip
-    from gesture_core.video import open_configured
+    from gesture_core.video import at_rate, open_configured, pictures
     from gesture_core.video.writer import can_write_video, write_video
 
     rows: list[Row] = []
@@ -78,9 +78,11 @@ def render(
             remedy="--out with a name that ends in .png",
             code="E_MISSING_DEPENDENCY",
         )
-    looked_at, found = _people(video, settings)
-    # The video is decoded twice, so that it never has to be held in memory.
-    with open_configured(video, settings) as frames:
+    found = _people(video, settings)
+    # The video is decoded twice, so that it never has to be held in memory; only frames that were looked at
+    # are shown, as the others have no keypoints.
+    with open_configured(video, settings) as opened:
+        frames = at_rate(pictures(opened), settings.pose.rate)
         tags = [_tag(one.person, rows) for one in found] if rows or len(found) > 1 else ()
         if target.suffix.lower() == ".mp4":
             count = write_video(overlay(frames, found, tags), target)
@@ -88,8 +90,9 @@ def render(
             count = write_strip(overlay(*cropped(frames, found), tags), target)
     longest = max(sequence.frames_with_pose for sequence in found)
     who = "1 person" if len(found) == 1 else f"{len(found)} tracks of people, the longest"
-    of = "them" if looked_at == count else f"the {looked_at} that are looked at (pose.rate)"
-    print(f"{printable(target)}: {counted(count, 'frame')}, {who} in {longest} of {of}")
+    rate = settings.pose.rate
+    at = f", looked at {rate:g} times a second (pose.rate)" if rate else ""
+    print(f"{printable(target)}: {counted(count, 'frame')}, {who} in {longest} of them{at}")
     return 0
 
 
@@ -125,7 +128,7 @@ def _tag(person: int, rows: Sequence[Row]) -> Tag:
     def text(time: float) -> str:
         for row in own:
             if not row.event or (row.start or 0) <= time <= (row.end or 0):
-                sure = [("score", row.score), ("margin", row.margin)]
+                sure = [("score", row.score), ("confidence", row.confidence), ("margin", row.margin)]
                 said = next((f"{name} {value:.2f}" for name, value in sure if value is not None), "")
                 return "  ".join(filter(None, (f"{person}", row.label or row.code, said)))
         return f"{person}"
@@ -133,8 +136,8 @@ def _tag(person: int, rows: Sequence[Row]) -> Tag:
     return text
 
 
-def _people(video: Path, settings: Settings) -> tuple[int, list[PoseSequence]]:
-    """Frames that are looked at, and everybody in them, from the store or extracted in a worker process."""
+def _people(video: Path, settings: Settings) -> list[PoseSequence]:
+    """Everybody in a video, from the store or extracted in a worker process."""
     from gesture_core.cli.progress import progress
     from gesture_core.run.extract import people_of
     from gesture_core.run.inputs import discover
@@ -148,7 +151,7 @@ def _people(video: Path, settings: Settings) -> tuple[int, list[PoseSequence]]:
             if found.code:
                 raise MediaError(found.message, subject=str(video), code=found.code)
             if people:
-                return found.frames_looked_at, people
+                return people
     raise PoseError(
         "nobody was found",
         subject=str(video),

@@ -41,7 +41,7 @@ def report(
         No videos: done at once.
     """
     from gesture_core.cli.progress import progress
-    from gesture_core.report.run_page import write_report
+    from gesture_core.report.run_page import NO_ROWS, write_report
 
     if out is not None:
         check_folder(out)
@@ -50,6 +50,8 @@ def report(
             run, out, labels=labels, label_columns=label_columns, previews=not no_previews, workers=workers,
             listener=listener,
         )  # fmt: skip
+    if not done.rows:
+        say(NO_ROWS)
     for reason, rows in sorted(done.missing.items(), key=lambda pair: -pair[1]):
         say(f"no preview of {counted(rows, 'row')}: {reason}")
     print(printable(done.page))

@@ -49,12 +49,14 @@ def review(
         return
     from gesture_core.cli.progress import progress
     from gesture_core.report.review_server import ReviewServer
-    from gesture_core.report.run_page import write_report
+    from gesture_core.report.run_page import NO_ROWS, write_report
     from gesture_core.run.review import Answers
 
     with Answers(run) as answers, ReviewServer(answers, port) as server:
         with progress([str(run)]) as listener:
             done = write_report(run, previews=not no_previews, workers=workers, listener=listener)
+        if not done.rows:
+            say(NO_ROWS)
         server.show(done.page.parent, done.labels)
         print(server.address, flush=True)
         say("open it in a browser; Ctrl-C ends it, and every answer is kept at once")

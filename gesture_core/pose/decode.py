@@ -100,8 +100,8 @@ def _openpose(
         own = next((out.reshape(-1) for out in outputs if out.ndim <= 2 and out.size == len(maps)), None)
         presence = np.ones(len(maps)) if own is None else np.clip(own, 0, 1)
         return [
-            [Person(one[:, 0, :2], one[:, 0, 2], one, float(there), others=_others(one) if several else 0)]
-            for one, there in zip(peaks, presence, strict=True)
+            [Person(one[:, 0, :2], one[:, 0, 2], one, float(there), others=int(more) if several else 0)]
+            for one, there, more in zip(peaks, presence, _others(peaks), strict=True)
         ]
     if not several:
         raise _cannot_tell_apart("it has no part-affinity fields")
@@ -113,10 +113,11 @@ def _openpose(
     ]
 
 
-def _others(peaks: np.ndarray) -> int:
-    """How many more people peaks (J, K, 3) are of: each shows most of the joints that the first one shows."""
-    certain = (peaks[..., 2] >= CERTAIN).sum(axis=0)
-    return int((certain[1:] > 0.5 * max(certain[0], 4)).sum())
+def _others(peaks: np.ndarray) -> np.ndarray:
+    """(N,) how many more people peaks (N, J, K, 3) are of: each shows most of the joints of the first one."""
+    certain = (peaks[..., 2] >= CERTAIN).sum(axis=1)
+    others: np.ndarray = (certain[:, 1:] > 0.5 * np.maximum(certain[:, :1], 4)).sum(axis=1)
+    return others
 
 
 def _movenet(output: np.ndarray, input_size: tuple[int, int]) -> list[list[Person]]:
@@ -243,27 +244,26 @@ def find_peaks(maps: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray, 
         Height of the peak, clipped to 0..1.
     """
     high, wide = maps.shape[2:]
-    # Few cells are above the floor, so that looking at their neighbours costs less than comparing maps.
-    chosen = np.flatnonzero(maps > floor)
-    n, j, y, x = np.unravel_index(chosen, maps.shape)
     row = wide + 2  # with a border below every cell, so that neighbours need no test of the edge
-    framed = np.full((*maps.shape[:2], high + 2, row), -np.inf, maps.dtype)
+    framed = np.empty((*maps.shape[:2], high + 2, row), maps.dtype)
+    framed[:, :, :: high + 1] = framed[..., :: wide + 1] = -np.inf
     framed[:, :, 1:-1, 1:-1] = maps
     cells = framed.reshape(-1)
-    place = chosen // (high * wide) * (high + 2) * row + (y + 1) * row + x + 1
-    here = cells[place]
-    peak = np.ones(len(n), bool)
-    for step in (-row - 1, -row, -row + 1, -1, 1, row - 1, row, row + 1):
-        beside = cells[place + step]
+    # Few cells are above the floor, and every neighbour leaves fewer: looking at these costs less than
+    # comparing maps.
+    place = np.flatnonzero(cells > floor)
+    for step in (-1, 1, -row, row, -row - 1, -row + 1, row - 1, row + 1):
+        here, beside = cells[place], cells[place + step]
         # Written so that a neighbour that is NaN does not count.
-        peak &= ~(here <= beside) if step < 0 else ~(here < beside)
-    place, y, x = place[peak], y[peak], x[peak]
+        place = place[~(here <= beside) if step < 0 else ~(here < beside)]
+    n, j, y, x = np.unravel_index(place, framed.shape)
+    y, x = y - 1, x - 1
     # The peak of a Gaussian is the vertex of the parabola through the logarithms of three neighbouring
     # cells, exactly; at the border of a map the cell itself is kept.
     dx = np.where((x > 0) & (x < wide - 1), _vertex(cells, place, 1), 0)
     dy = np.where((y > 0) & (y < high - 1), _vertex(cells, place, row), 0)
     points = np.stack([x + dx, y + dy], axis=-1).astype(np.float32)
-    return n[peak], j[peak], points, np.clip(cells[place], 0, 1).astype(np.float32)
+    return n, j, points, np.clip(cells[place], 0, 1).astype(np.float32)
 
 
 def _vertex(cells: np.ndarray, place: np.ndarray, step: int) -> np.ndarray:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import dist, isnan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -120,6 +121,9 @@ class Anatomy:
                 self._upper.append(i)
                 self._farthest.append(_FARTHEST[part])
 
+    # A frame's few joints are reckoned with as plain numbers: an array operation on two of them takes longer
+    # than all of this.
+
     def confidence(self, person: Person | None) -> float:
         """Mean score of head, arms and hips, 0 for nobody.
 
@@ -129,9 +133,14 @@ class Anatomy:
         body = self.body(person)
         if person is None or body is None:
             return 0.0
-        scores = person.scores[self._upper]
-        away = np.linalg.norm(person.keypoints[self._upper] - body.shoulders, axis=1) / body.torso
-        return float(np.where(away <= self._farthest, scores, 0).mean())
+        joints = zip(
+            person.keypoints[self._upper].tolist(),
+            person.scores[self._upper].tolist(),
+            self._farthest,
+            strict=True,
+        )
+        near = [score for joint, score, far in joints if dist(joint, body.shoulders) <= far * body.torso]
+        return float(sum(near)) / len(self._upper)
 
     def body(self, person: Person | None) -> Body | None:
         """The body of a person, None where no shoulder was found.
@@ -140,24 +149,30 @@ class Anatomy:
         """
         if person is None:
             return None
-        points = person.keypoints
-        shoulders, hips = points[self._shoulders], points[self._hips]
-        seen = ~np.isnan(shoulders[:, 0])
-        if not seen.any():
+        shoulders = person.keypoints[self._shoulders].tolist()
+        middle, hips = _middle(shoulders), _middle(person.keypoints[self._hips].tolist())
+        if middle is None:
             return None
-        middle = shoulders[seen].mean(0)
-        across = float(np.linalg.norm(shoulders[0] - shoulders[1])) if seen.all() else 0.0
-        torso, down = across / SHOULDERS, np.array([0.0, 1.0])
-        if not np.isnan(hips[:, 0]).all():
-            line = np.nanmean(hips, axis=0) - middle
-            length = float(np.linalg.norm(line))
+        across = dist(*shoulders)
+        torso, down = 0.0 if isnan(across) else across / SHOULDERS, (0.0, 1.0)
+        if hips is not None:
+            length = dist(middle, hips)
             # A person who bends forward or turns aside has not become smaller: the larger of both.
             if length > 0.5 * torso:
-                torso, down = max(length, torso), line / max(length, 1e-6)
+                torso, down = max(length, torso), (hips[0] - middle[0], hips[1] - middle[1])
+                down = down[0] / max(length, 1e-6), down[1] / max(length, 1e-6)
         if torso < 2:
             return None
-        centre = middle + down * torso * (BELOW - ABOVE) / 2
-        return Body(float(centre[0]), float(centre[1]), torso, (float(middle[0]), float(middle[1])))
+        away = torso * (BELOW - ABOVE) / 2
+        return Body(middle[0] + down[0] * away, middle[1] + down[1] * away, torso, middle)
+
+
+def _middle(points: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
+    """The middle of those points that are known, None of none."""
+    known = [point for point in points if not isnan(point[0])]
+    if not known:
+        return None
+    return sum(x for x, _ in known) / len(known), sum(y for _, y in known) / len(known)
 
 
 class Follower:

@@ -10,6 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import ClassVar
 
 import numpy as np
@@ -88,28 +89,26 @@ def to_batch(frames: Sequence[np.ndarray], box: Letterbox, contract: ModelContra
     """
     import cv2
 
-    pictures = np.full((len(frames), box.height, box.width, 3), contract.pad, np.uint8)
+    picture = np.full((box.height, box.width, 3), contract.pad, np.uint8)
     wide, high = box.inner_width, box.inner_height
-    for picture, frame in zip(pictures, frames, strict=True):
+    inner = picture[box.top : box.top + high, box.left : box.left + wide]
+    order = (0, 1, 2) if contract.colour == "bgr" else (2, 1, 0)
+    first = contract.channels_first
+    shape = (3, box.height, box.width) if first else (box.height, box.width, 3)
+    batch = np.empty((len(frames), *shape), contract.dtype)
+    for frame, target in zip(frames, batch if first else np.moveaxis(batch, 3, 1), strict=True):
         # Halved by averaging as long as possible, then interpolated: interpolation alone would drop thin
         # limbs, and averaging to any size takes six times as long.
         while frame.shape[1] >= 2 * wide and frame.shape[0] >= 2 * high:
             half = frame.shape[1] // 2, frame.shape[0] // 2
             frame = cv2.resize(frame, half, interpolation=cv2.INTER_AREA)
-        inner = picture[box.top : box.top + high, box.left : box.left + wide]
         inner[...] = cv2.resize(frame, (wide, high), interpolation=cv2.INTER_LINEAR)
-    order = (0, 1, 2) if contract.colour == "bgr" else (2, 1, 0)
-    size = (box.height, box.width)
-    batch = np.empty(
-        (len(frames), 3, *size) if contract.channels_first else (len(frames), *size, 3), contract.dtype
-    )
-    for target, channel in enumerate(order):
-        plane = batch[:, target] if contract.channels_first else batch[..., target]
-        plane[...] = pictures[..., channel]
-        if contract.mean[target]:
-            plane -= contract.mean[target]
-        if contract.scale[target] != 1:
-            plane *= contract.scale[target]
+        for plane, channel, mean, scale in zip(target, order, contract.mean, contract.scale, strict=True):
+            plane[...] = picture[..., channel]
+            if mean:
+                plane -= mean
+            if scale != 1:
+                plane *= scale
     return batch
 
 
@@ -276,16 +275,28 @@ class NetworkBackend(ABC):
         if lacking:
             outputs = [output[: len(frames)] for output in outputs]
         pictures = decode(outputs, self.contract, size, people, max(self.score, 0.05))
-        found = [[self._in_frame(person, box, frame_size) for person in picture] for picture in pictures]
+        placed = iter(self._in_frame([one for picture in pictures for one in picture], box, frame_size))
+        found = [list(islice(placed, len(picture))) for picture in pictures]
         return [[person for person in picture if person.presence >= self.presence] for picture in found]
 
-    def _in_frame(self, person: Person, box: Letterbox, frame_size: tuple[int, int]) -> Person:
-        """A person of the input in pixels of the frame; joints outside it or below the score are missing."""
-        joints = np.concatenate([person.keypoints, person.scores[:, None]], axis=1)[:, None]
-        if person.peaks is not None:
-            joints = np.concatenate([joints, person.peaks], axis=1)
+    def _in_frame(
+        self, people: Sequence[Person], box: Letterbox, frame_size: tuple[int, int]
+    ) -> list[Person]:
+        """People of the input in pixels of the frame; joints outside it or below the score are missing."""
+        if not people:
+            return []
+        joints = np.concatenate(
+            [
+                np.stack([person.keypoints for person in people]),
+                np.stack([person.scores for person in people])[..., None],
+            ],
+            axis=2,
+        )[:, :, None]
+        peaks = [person.peaks for person in people if person.peaks is not None]
+        if peaks:  # all have some, or none
+            joints = np.concatenate([joints, np.stack(peaks)], axis=2)
         # A peak may be lower than a joint that counts by itself.
-        least = np.array([self.score] + [0] * (joints.shape[1] - 1), np.float32)
+        least = np.array([self.score] + [0] * (joints.shape[2] - 1), np.float32)
         points, scores = box.back(joints[..., :2]), joints[..., 2]
         size = np.array(frame_size)
         # A peak in the border that letterboxing added is a joint outside the picture: a guess. A network
@@ -297,17 +308,26 @@ class NetworkBackend(ABC):
         places = np.where(kept[..., None], placed, np.float32(np.nan))
         sure = np.where(kept, scores, np.float32(0))
         found = np.concatenate([places, sure[..., None]], axis=-1)
-        peaks = None if person.peaks is None else found[:, 1:]
-        # Copies, so that the joints do not keep the peaks in memory.
+        return [self._person(one, there, box) for one, there in zip(people, found, strict=True)]
+
+    def _person(self, person: Person, found: np.ndarray, box: Letterbox) -> Person:
+        """``person`` in pixels of the frame, where its joint and peaks are ``found`` (J, 1 + K, 3)."""
+        # Copies, so that the joints do not keep the peaks in memory, nor these those of a whole batch.
         places, sure = found[:, 0, :2].copy(), found[:, 0, 2].copy()
-        region = None if person.region is None else box.back(person.region)
-        depth = None if person.depth is None else person.depth / np.float32(box.scale_x)
-        person = replace(person, keypoints=places, scores=sure, peaks=peaks, region=region, depth=depth)
+        placed = Person(
+            places,
+            sure,
+            None if person.peaks is None else found[:, 1:].copy(),
+            person.presence,
+            None if person.region is None else box.back(person.region),
+            person.others,
+            None if person.depth is None else person.depth / np.float32(box.scale_x),
+        )
         if self._anatomy:
-            facts = 1, self._anatomy.confidence(person), float((sure > 0).mean())
+            facts = 1, self._anatomy.confidence(placed), float((sure > 0).mean())
             logit = float(np.dot(self.contract.presence, facts))
-            person = replace(person, presence=1 / (1 + math.exp(-logit)))
-        return person
+            placed = replace(placed, presence=1 / (1 + math.exp(-logit)))
+        return placed
 
     def _contract_of_a_run(self, data: bytes) -> ModelContract:
         """The contract of a network that no header describes, from one run on a grey picture."""

@@ -19,7 +19,7 @@ from gesture_core.pose.follow import SHOULDERS
 from gesture_core.skeletons import Skeleton
 from gesture_core.types import Person
 
-_BLOCK = 256
+_BLOCK = 64
 """Frames whose states are listed at once."""
 _SPAN = 31
 """Frames of the running median of the torso's length."""
@@ -229,7 +229,7 @@ class _Sequence(NamedTuple):
         before = np.zeros((frames, width), np.int16)
         weights = np.repeat(np.array(WEIGHTS), 2)
         total = np.zeros(0)
-        last = np.zeros((0, 6, 2))
+        last = np.zeros((0, width, 6, 2), self.roots.dtype)
         for start in range(0, frames, _BLOCK):
             at = slice(start, min(start + _BLOCK, frames))
             costs = self._costs(at).reshape(at.stop - start, -1)
@@ -239,21 +239,21 @@ class _Sequence(NamedTuple):
             each = np.arange(start, at.stop)[:, None]
             places = [self.roots[each, way, side] for side in (0, 1)]
             places += [pool.points[each, pick] for pool, pick in zip(self.pools, picks, strict=True)]
-            joints = np.stack(places, axis=2)  # (B, width, 6, 2)
+            joints = np.concatenate([last, np.stack(places, axis=2)])  # (1 + B, width, 6, 2)
             own = np.take_along_axis(costs, kept, axis=1)
-            for i in range(len(kept)):
-                frame = start + i
-                if frame == 0:
-                    total = own[0]
-                else:
-                    gaps = joints[i][None] - last[:, None]
-                    moved = np.square(gaps).sum(-1) / (self.torso[frame] * steps[frame - 1]) ** 2
-                    # A joint that is missing before or after may have gone anywhere.
-                    ways = np.nan_to_num(np.minimum(moved, JUMP), nan=1.0) @ weights
-                    ways += total[:, None]
-                    before[frame] = ways.argmin(axis=0)
-                    total = ways.min(axis=0) + own[i]
-                last = joints[i]
+            if start == 0:
+                total, own = own[0], own[1:]
+            later = np.arange(at.stop - len(own), at.stop)
+            x, y = np.moveaxis(joints, -1, 0)
+            moved = np.square(x[1:, None] - x[:-1, :, None]) + np.square(y[1:, None] - y[:-1, :, None])
+            moved = moved / ((self.torso[later] * steps[later - 1]) ** 2)[:, None, None, None]
+            # A joint that is missing before or after may have gone anywhere.
+            ways = np.where(np.isnan(moved), 1.0, np.minimum(moved, JUMP)) @ weights
+            for frame, on, cost in zip(later.tolist(), ways, own, strict=True):
+                on += total[:, None]
+                before[frame] = on.argmin(axis=0)
+                total = on.min(axis=0) + cost
+            last = joints[-1:]
             total = total - total.min()
         best = np.empty(frames, np.intp)
         state = int(total.argmin())

@@ -12,13 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.files import replacing
+from gesture_core.records import INTEGERS, REALS
 
-_FACTS = ("status", "code", "person", "event", "start", "end", "distance", "margin")
+_FACTS = ("status", "code", "person", "event", "start", "end", "distance", "margin", "confidence")
 """What both JSON files keep of a row beside its label, under the names of the columns."""
-_INTEGERS = frozenset(
-    "person event frames_declared frames_read frames_looked_at frames_with_pose attempts".split()
-)
-_REALS = frozenset("start end score distance margin seconds".split())
+
+
+def _sureness(row: dict[str, Any]) -> float | None:
+    """0 to 1: the score of an event, otherwise the probability of the label where the run has one."""
+    sure: float | None = row["confidence"] if row["score"] is None else row["score"]
+    return sure
 
 
 class CocoWriter:
@@ -47,7 +50,7 @@ class CocoWriter:
             place = {"bbox": [left, top, right - left, bottom - top], "iscrowd": 0} if known else {}
             place |= {"area": (right - left) * (bottom - top)} if known else {}
             label = named.setdefault(row["label"], len(named) + 1)
-            number = {"id": len(annotations) + 1, "category_id": label, "score": row["score"]}
+            number = {"id": len(annotations) + 1, "category_id": label, "score": _sureness(row)}
             annotations.append(number | facts | place)
         _write_json(
             {
@@ -82,7 +85,8 @@ class FiftyOneWriter:
                 continue
             when = [row["start"] or 0.0, row["seconds"] if row["end"] is None else row["end"]]
             one = {"label": row["label"], "timestamps": when, "attributes": facts}
-            found.append(one if row["score"] is None else one | {"confidence": row["score"]})
+            sure = _sureness(row)
+            found.append(one if sure is None else one | {"confidence": sure})
         classes = sorted({one["label"] for found in labels.values() for one in found})
         _write_json({"classes": classes, "labels": labels, "unlabelled": unlabelled}, path)
 
@@ -115,7 +119,7 @@ class DatasetsWriter:
             "box": (pa.list_(pa.float64()), {"feature": _value("float64"), "_type": "Sequence"}),
         }
         for name in columns:
-            kind = "int64" if name in _INTEGERS else "float64" if name in _REALS else "string"
+            kind = "int64" if name in INTEGERS else "float64" if name in REALS else "string"
             types.setdefault(name, (_arrow(kind), _value(kind)))
         schema = pa.schema([(name, types[name][0]) for name in columns])
         remaining, batches = iter(rows), []

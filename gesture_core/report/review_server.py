@@ -17,7 +17,8 @@ from gesture_core.report.run_page import DATA, INDEX
 from gesture_core.run.review import NONE, Answers
 
 _KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".mp4": "video/mp4"} | {
-    ".svg": "image/svg+xml"
+    ".svg": "image/svg+xml",
+    ".jpg": "image/jpeg",
 }
 _LONGEST = 4096
 """Bytes of an answer."""

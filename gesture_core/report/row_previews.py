@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from gesture_core.records import encoded
 from gesture_core.run.inputs import Input
 from gesture_core.run.store import keypoint_store, mark_used, prune
 from gesture_core.run.workers.engines import perform_all
-from gesture_core.run.workers.previews import REVISION
+from gesture_core.run.workers.previews import REVISION, still_of
 from gesture_core.settings import Settings
 from gesture_core.types import Job, Task
 from gesture_core.video.writer import can_write_video
@@ -78,16 +78,20 @@ class RowPreviews:
         for old in self.folder.glob("*.mp4"):
             if old.name not in self._wanted:
                 old.unlink()
+                still_of(old).unlink(missing_ok=True)
         tasks: dict[Input, list[str]] = {}
         for name, (item, *_) in self._wanted.items():
-            if switched_on("GESTURE_NO_CACHE") or not _cached(name).is_file():
+            files = _files(_cached(name))
+            if switched_on("GESTURE_NO_CACHE") or not all(file.is_file() for file in files):
                 tasks.setdefault(item, []).append(name)
             else:
-                mark_used(_cached(name))
+                for file in files:
+                    mark_used(file)
                 made(name)
         reasons = self._draw(tasks, workers, made)
         for name in self._wanted:
-            _place(_cached(name), self.folder / name)
+            for source, target in zip(_files(_cached(name)), _files(self.folder / name), strict=True):
+                _place(source, target)
         prune(_cache(), self.settings.limits.cache)
         missing = {name for name in self._wanted if not (self.folder / name).is_file()}
         return {name: reasons.get(name, "there is no frame to show") for name in missing}
@@ -111,15 +115,20 @@ class RowPreviews:
         cuts = []
         for name in names:
             _, stored, *stretch = self._wanted[name]
-            cuts.append([encoded(_cached(name)), *stretch])
-        arguments = {
-            "path": encoded(item.path),
-            "video": item.kind == "video",
-            "stored": stored,
-            "cuts": cuts,
-            "address": item.address,
-        }
-        return Task(number, "draw_previews", arguments)
+            cuts.append([encoded(_cached(name)), *stretch, 0])
+        return drawing_task(number, item, stored, cuts)
+
+
+def drawing_task(number: int, item: Input, stored: str, cuts: Sequence[Sequence[object]]) -> Task:
+    """Have ``cuts`` of an input drawn; each has the values of a `workers.previews.Cut`, its path encoded."""
+    arguments = {
+        "path": encoded(item.path),
+        "video": item.kind == "video",
+        "stored": stored,
+        "cuts": cuts,
+        "address": item.address,
+    }
+    return Task(number, "draw_previews", arguments)
 
 
 def _cache() -> Path:
@@ -128,6 +137,11 @@ def _cache() -> Path:
 
 def _cached(name: str) -> Path:
     return _cache() / name[:2] / name
+
+
+def _files(video: Path) -> tuple[Path, Path]:
+    """A preview and its still."""
+    return video, still_of(video)
 
 
 def _place(source: Path, target: Path) -> None:

@@ -18,6 +18,7 @@ from gesture_core.run.results import open_results
 INDEX, DATA, CLIPS, DETAILS = "index.html", "data.js", "clips", "details"
 CHUNK = 40
 """Rows whose alignments are in one file, which the page loads when one of them is looked at."""
+NO_ROWS = "the run has no rows: nothing was finished yet, or its shard has no inputs"
 _PAGE = Path(__file__).parent / "page"
 """What every page consists of besides its data."""
 _BEGINNING = "window.gestureData="

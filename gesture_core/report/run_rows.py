@@ -15,6 +15,7 @@ from gesture_core.classify.recognizer import Recognizer
 from gesture_core.errors import GestureError
 from gesture_core.files import printable
 from gesture_core.report.alignments import alignment_record
+from gesture_core.report.channel_names import ChannelNames
 from gesture_core.report.row_previews import Preview, RowPreviews
 from gesture_core.run.annotations import event_of
 from gesture_core.run.extract import Listener, people_of
@@ -31,8 +32,8 @@ from gesture_core.spot.explanation import EventExplainer
 from gesture_core.types import PoseSequence, Recording, Row, Signals
 
 COLUMNS = (
-    "input", "person", "event", "label", "status", "code", "message", "note", "distance", "margin", "score",
-    "start", "end", "length", "near", "far", "clip", "seconds", "missing", "truth",
+    "input", "person", "event", "label", "status", "code", "message", "note", "distance", "margin",
+    "confidence", "score", "start", "end", "length", "near", "far", "clip", "seconds", "missing", "truth",
 )  # fmt: skip
 """Of a row of the page; ``near`` and ``far`` are positions among the examples."""
 _BATCH = 64
@@ -97,9 +98,11 @@ def read_rows(
         "run": run.absolute().name,
         "preset": _preset(settings),
         "kind": "events" if spotted else "labels" if examples else "keypoints",
+        "sureness": _sureness([row for _, row in keyed]),
         "margin_is": "score" if settings.classify.votes == 0 else "distance",
         "margin": settings.classify.margin,
         "reject": settings.classify.reject,
+        "spot": _event_threshold(settings),
         "network": settings.pose.model,
         "fingerprint": fingerprint,
         "labels": sorted({one.label for one in examples.values()}),
@@ -149,7 +152,8 @@ class _PageRow:
     def record(self) -> list[Any]:
         row, shown = self.row, None if self.missing else self.preview
         clip = (shown.name, round(shown.seconds, 3)) if shown else ("", 0)
-        numbers = [None if v is None else float(f"{v:.4g}") for v in (row.distance, row.margin, row.score)]
+        known = (row.distance, row.margin, row.confidence, row.score)
+        numbers = [None if value is None else float(f"{value:.4g}") for value in known]
         times = [None if v is None else round(v, 3) for v in (row.start, row.end)]
         return [
             row.input, row.person, row.event, row.label, row.status, row.code, row.message, row.note,
@@ -308,7 +312,8 @@ class _Page:
         self._keep(one, found, start, {one.name: one.start for one in self.examples.values()})
 
     def _keep(self, one: _PageRow, found: Explanation, start: float, starts: dict[str, float]) -> None:
-        one.detail = alignment_record(found, start, starts)
+        names = ChannelNames(self.settings, spotted=bool(one.row.event))
+        one.detail = alignment_record(found, start, starts, names)
         one.near = self.examples[found.nearest.example].index
         one.far = self.examples[found.runner_up.example].index if found.runner_up else None
 
@@ -317,6 +322,25 @@ def _stretch(pose: PoseSequence) -> tuple[float, float]:
     """Seconds of the first and the last frame in which somebody is seen."""
     times = pose.times[pose.seen.any(axis=1)]
     return float(times[0]), float(times[-1])
+
+
+def _sureness(rows: Sequence[Row]) -> str:
+    """The column that says how certain the rows are.
+
+    Of events their score, where it was calibrated the probability, otherwise the margin, which is none.
+    """
+    for name in ("score", "confidence"):
+        if any(getattr(row, name) is not None for row in rows):
+            return name
+    return "margin"
+
+
+def _event_threshold(settings: Settings) -> tuple[str, float]:
+    """The setting that says how far an event may be, to which a score is a share, and its value."""
+    chosen = settings.spot
+    if chosen.threshold is not None:
+        return "spot.threshold", chosen.threshold
+    return "spot.tolerance", chosen.tolerance
 
 
 def _preset(settings: Settings) -> str:

@@ -41,6 +41,10 @@ class RowExplanation:
         the movement costs; where all examples decide, also what each of them adds to the decision.
     file_name : str
         For a picture of it; no other input of the run has the same one.
+    settings : Settings
+        Of the run.
+    seen : mapping of str to (path, str)
+        Where the run found the input and the two examples, by their names, and the hashes of their contents.
     sided : tuple of str
         Labels on the left that have their like on the right, where examples also stand for the other hand.
     """
@@ -48,6 +52,8 @@ class RowExplanation:
     row: Row
     explanation: Explanation
     file_name: str
+    settings: Settings
+    seen: Mapping[str, tuple[str, str]]
     sided: tuple[str, ...] = ()
 
 
@@ -115,16 +121,17 @@ def explain(
         return _explain_event(row, rows, examples, hashes, place, configuration, listener)
     recognizer = open_fitted(Path(run), fingerprint)
     settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])
-    places = {name: known["path"] for name, known in examples.items() if "path" in known}
+    places = _places(examples) | {row.input: os.fspath(place or "")}
     wanted = {row.input: row.sha256} if recognizer else hashes
-    people = _people(wanted, places | {row.input: os.fspath(place or "")}, settings, listener)
+    people = _people(wanted, places, settings, listener)
     query = _query(row, people, settings)
     recognizer = recognizer or _recognizer(examples, people, settings)
     distances = recognizer.distances([query])[0]
     found = explanation.explain(query, recognizer.library, distances, settings, recognizer.fitted)
     mirrored = settings.classify.mirror is not None
     sided = sided_labels({str(label) for label in recognizer.library.labels}) if mirrored else ()
-    return RowExplanation(row, found, _file_name(row, rows), tuple(sided))
+    seen = _seen(found, row, places, hashes)
+    return RowExplanation(row, found, _file_name(row, rows), settings, seen, tuple(sided))
 
 
 def _explain_event(
@@ -140,8 +147,8 @@ def _explain_event(
     from gesture_core.spot.explanation import EventExplainer
 
     settings = settings_from_dict(configuration["settings"])
-    places = {name: known["path"] for name, known in examples.items() if "path" in known}
-    people = _people(hashes, places | {row.input: os.fspath(place or "")}, settings, listener)
+    places = _places(examples) | {row.input: os.fspath(place or "")}
+    people = _people(hashes, places, settings, listener)
     poses = [pose for pose in people.get(row.input, []) if pose.person == row.person]
     names = [name for name in examples if people.get(name)]
     if not poses or row.neighbors[0][0] not in names:
@@ -154,7 +161,21 @@ def _explain_event(
     labels = [str(examples[name]["label"]) for name in names]
     explain_event = EventExplainer([people[name][0] for name in names], labels, names, settings)
     found = explain_event(event_of(row), poses[0])
-    return RowExplanation(row, found, _file_name(row, rows))
+    seen = _seen(found, row, places, hashes)
+    return RowExplanation(row, found, _file_name(row, rows), settings, seen)
+
+
+def _places(examples: Mapping[str, Any]) -> dict[str, str]:
+    """Where the run found its examples."""
+    return {name: known["path"] for name, known in examples.items() if "path" in known}
+
+
+def _seen(
+    found: Explanation, row: Row, places: Mapping[str, str], hashes: Mapping[str, str]
+) -> dict[str, tuple[str, str]]:
+    """Path and hash of the input and of both examples, by their names."""
+    sides = [side.example for side in (found.nearest, found.runner_up) if side is not None]
+    return {name: (places.get(name, ""), hashes[name]) for name in (row.input, *sides)}
 
 
 def _people(

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from gesture_core.errors import PluginError, RunFolderError, WorkerError
 from gesture_core.files import replacing
 from gesture_core.plugin.registry import calling, registry
-from gesture_core.records import COLUMNS, Job, decoded, encoded
+from gesture_core.records import COLUMNS, INTEGERS, REALS, Job, decoded, encoded
 from gesture_core.run.inputs import Input
 from gesture_core.run.results import Results, open_results
 from gesture_core.run.workers.engines import Assistant
@@ -154,9 +154,8 @@ class ParquetWriter:
         import pyarrow.parquet as pq
 
         types = {
-            **{name: pa.int64() for name in ("person", "event", "frames_declared", "frames_read")},
-            **{name: pa.int64() for name in ("frames_looked_at", "frames_with_pose", "attempts")},
-            **{name: pa.float64() for name in ("start", "end", "score", "distance", "margin", "seconds")},
+            **dict.fromkeys(INTEGERS, pa.int64()),
+            **dict.fromkeys(REALS, pa.float64()),
         }
         schema = pa.schema([(name, types.get(name, pa.string())) for name in columns])
         with replacing(path) as temporary, pq.ParquetWriter(os.fspath(temporary), schema) as writer:

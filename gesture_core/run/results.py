@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from gesture_core.errors import ConfigError, RunFolderError
 from gesture_core.files import check_local
-from gesture_core.records import COLUMNS, Row
+from gesture_core.records import COLUMNS, INTEGERS, REALS, Row
 
 if TYPE_CHECKING:
     from gesture_core.run.inputs import Input
@@ -28,12 +28,9 @@ FITTED, DISTANCES = "run.fitted", "run.distances"
 OWN_FILES = frozenset({DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm", LOCK, FITTED, DISTANCES})
 """What a run leaves in its folder besides its exports; it may lie among videos or examples."""
 _VERSION = 2
-_TYPES = {"person": "INTEGER", "frames_declared": "INTEGER", "frames_read": "INTEGER"} | {
-    "frames_looked_at": "INTEGER", "frames_with_pose": "INTEGER", "attempts": "INTEGER", "event": "INTEGER",
-    "distance": "REAL", "margin": "REAL", "seconds": "REAL", "start": "REAL", "end": "REAL", "score": "REAL",
-}  # fmt: skip
+_TYPES = dict.fromkeys(INTEGERS, "INTEGER") | dict.fromkeys(REALS, "REAL")
 _ADDED: dict[str, Any] = {"note": "", "start": None, "end": None, "box": "", "frames_looked_at": 0} | {
-    "event": 0, "score": None,
+    "event": 0, "score": None, "confidence": None,
 }  # fmt: skip
 """Columns that the first files of this format lack, with what stands in them."""
 _TABLES = {

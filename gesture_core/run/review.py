@@ -268,7 +268,7 @@ def add_corrections(
     labels = [str(one.label) for one in usable]
     chosen = choose(
         recognizer.distances(list(signals.values())),
-        [str(label) for label in recognizer.library.labels],
+        [rows[key].label or "" for key in signals],
         compare(list(signals.values()), [signals[one.key] for one in usable], recognizer.settings),
         labels,
         [list(signals).index(one.key) for one in usable],
@@ -280,7 +280,7 @@ def add_corrections(
 
 def choose(
     known: np.ndarray,
-    known_labels: Sequence[str],
+    said: Sequence[str],
     new: np.ndarray,
     new_labels: Sequence[str],
     own: Sequence[int],
@@ -288,13 +288,16 @@ def choose(
 ) -> list[int]:
     """Which corrected clips to add, those first that change most decisions.
 
-    A clip is added only where the examples and the clips added before it would give it another label, as in
-    the condensed nearest neighbour rule (Hart 1968): what is already known makes the library no better.
+    A clip is added only where the run, or a clip added before it that is nearer than all examples, says
+    another label, as in the condensed nearest neighbour rule (Hart 1968): what is already known makes the
+    library no better.
 
     Parameters
     ----------
     known : (Q, N) float array
-        Distances of all clips of the run to the examples, ``known_labels`` their labels.
+        Distances of all clips of the run to the examples.
+    said : sequence of Q str
+        What the run says that each clip is; empty where it has no label.
     new : (Q, C) float array
         The same to the corrected clips.
     own : sequence of C int
@@ -307,9 +310,7 @@ def choose(
     list of int
         Positions among the corrected clips.
     """
-    names = np.array(known_labels, object)
-    nearest = known.min(axis=1)
-    label = names[known.argmin(axis=1)]
+    nearest, label = known.min(axis=1), np.array(said, object)
     chosen: list[int] = []
     while len(chosen) < (len(new_labels) if most is None else most):
         open_ones = [c for c in range(len(new_labels)) if c not in chosen and label[own[c]] != new_labels[c]]

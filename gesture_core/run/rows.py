@@ -115,6 +115,7 @@ def rows_of(
             label=prediction.label,
             distance=prediction.distance,
             margin=prediction.margin,
+            confidence=prediction.confidence,
             neighbors=prediction.neighbors,
             status="rejected" if code and code.status == "rejected" else prediction.status,
             code=prediction.code,

@@ -144,7 +144,7 @@ class ClassifySettings(_Section):
     kernel : str
         Name of a distance kernel, or ``auto``.
     classifier : str
-        Name of a classifier. ``auto`` is ``nearest`` with `neighbors` of 1 or more, and ``weighed`` with 0.
+        Name of a classifier. ``auto`` is ``nearest`` with `neighbors` of 1 or more, and ``blend`` with 0.
     neighbors : int
         Of ``nearest``: how many of the nearest examples vote. Of ``auto``: with 0, all examples decide, and
         the weight of each for each class is learned from the distances among them.
@@ -165,8 +165,9 @@ class ClassifySettings(_Section):
         Labels with a smaller margin are rejected (E_UNSURE). The margin is the lead of the winner's
         distance with ``nearest``, otherwise of its score (0 to about 1).
     confidence : None or float
-        Labels that are right with a smaller probability than this are rejected (E_UNSURE). The probability is
-        calibrated on the examples, each of which is decided by the others; some class needs two.
+        Labels that are right with a smaller probability than this are rejected (E_UNSURE), and every row has
+        the probability; 0 rejects none. It is calibrated on the examples, each of which is decided by the
+        others; some class needs two.
     representative : bool
         Keep only the medoid of each class as its example.
     min_pose : float
@@ -216,7 +217,7 @@ class ClassifySettings(_Section):
     def decides(self) -> str:
         """The classifier, where ``auto`` is none."""
         if self.classifier == "auto":
-            return "nearest" if self.neighbors else "weighed"
+            return "nearest" if self.neighbors else "blend"
         return self.classifier
 
     @property

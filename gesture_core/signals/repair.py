@@ -74,7 +74,8 @@ def readings_apart(values: np.ndarray) -> np.ndarray:
     usual = np.sort(away, axis=0)[-(max(1, int(_FEW * len(away))) + 1) :][0]
     apart: np.ndarray = (away > _APART * usual) & (usual > 0)
     middle = apart[1:-1] & apart[:-2] & apart[2:]
-    return apart & ~middle.any(axis=0)
+    apart &= ~middle.any(axis=0)
+    return apart
 
 
 def _medians(values: np.ndarray) -> np.ndarray:

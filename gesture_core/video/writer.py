@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _CLOCK = 90_000
 """Ticks in a second of the video, so that real time stamps are kept."""
+_COLOURS = {"color_range": 1, "colorspace": 6, "color_primaries": 1, "color_trc": 6}
+"""H.264's numbers for limited range, the matrix of BT.601, and the primaries and curve of any screen."""
 _SEEKABLE = {"preset": "veryfast", "g": "6", "bf": "0", "threads": "1"}
 
 
@@ -80,9 +82,11 @@ class VideoWriter:
     def add(self, time: float, frame: np.ndarray) -> None:
         """Append a frame, (H, W, 3) uint8 in BGR, all of one size, at its second.
 
-        An odd height or width loses its last line: H.264 stores colour for two by two pixels.
+        An odd height or width loses its last line: H.264 stores colour for two by two pixels. The colours are
+        BT.601 in limited range, and the file says so: players guess otherwise from the height.
         """
         import av
+        import cv2
 
         even = np.ascontiguousarray(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
         with self._failures():
@@ -91,7 +95,11 @@ class VideoWriter:
                 self._stream.height, self._stream.width = even.shape[:2]
                 self._stream.pix_fmt = "yuv420p"
                 self._stream.time_base = self._stream.codec_context.time_base = Fraction(1, _CLOCK)
-            picture = av.VideoFrame.from_ndarray(even, format="bgr24")
+                for name, value in _COLOURS.items():
+                    setattr(self._stream.codec_context, name, value)
+            # FFmpeg's own conversion rounds down, which makes every picture darker.
+            planes = np.asarray(cv2.cvtColor(even, cv2.COLOR_BGR2YUV_I420), np.uint8)
+            picture = av.VideoFrame.from_ndarray(planes, format="yuv420p")
             self._last = max(self._last + 1, round(time * _CLOCK))
             picture.pts, picture.time_base = self._last, Fraction(1, _CLOCK)
             self._container.mux(self._stream.encode(picture))

@@ -75,6 +75,14 @@ def test_what_was_answered_but_never_tested_has_a_column() -> None:
     assert counts.tolist() == [[0, 2, 2]]
 
 
+def test_a_class_called_none_is_not_what_was_not_recognised() -> None:
+    data = archive(broken=True)
+    labels = ["(none)" if label == "up" else label for label in data.labels]
+    columns, counts = evaluate(replace(data, labels=labels), "leave-one-out", PAPER).confusion()
+    assert columns == ["(none)", "side", "((none))"]
+    assert counts.sum() == 12 and counts[:, -1].sum() == 1
+
+
 def test_an_unusable_input_counts_as_not_recognised_in_every_protocol() -> None:
     for protocol, tested, missed in (
         ("leave-one-subject-out", 12, 1),

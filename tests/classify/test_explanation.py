@@ -16,6 +16,7 @@ from gesture_core.classify.explanation import channel_costs, contrast, explain
 from gesture_core.dtw.reference import reference_distance
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import InputError
+from gesture_core.report.channel_names import ChannelNames
 from gesture_core.report.explanation import explanation_plot
 from gesture_core.settings import load_settings
 from gesture_core.types import PoseSequence, Signals
@@ -77,7 +78,7 @@ def test_a_decision_is_explained_by_the_distances_that_made_it(preset: str, tmp_
     gain = found.runner_up.costs - found.nearest.costs
     order = contrast(found)
     assert abs(gain[order[0]]) == np.abs(gain).max()
-    path = explanation_plot(found, "a title", tmp_path / "plot.png")
+    path = explanation_plot(found, "a title", tmp_path / "plot.png", ChannelNames(model.settings_))
     _check_picture(path)
 
 
@@ -102,7 +103,7 @@ def test_one_class_has_no_runner_up_and_still_a_plot(tmp_path: Path) -> None:
         query, model.library_, model.distances([query])[0], model.settings_, model._recognizer.fitted
     )
     assert found.runner_up is None
-    _check_picture(explanation_plot(found, "one class", tmp_path / "one.png"))
+    _check_picture(explanation_plot(found, "one class", tmp_path / "one.png", ChannelNames(model.settings_)))
 
 
 def test_nothing_in_common_cannot_be_explained() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from gesture_core import GestureClassifier
 from gesture_core.classify.classifiers import Weighed
 from gesture_core.classify.explanation import explain
 from gesture_core.classify.rocket import Blend, Rocket, dilations, ridge, standardised, usual_deviation
+from gesture_core.settings import load_settings
 from gesture_core.signals.mirror import mirrored
 from gesture_core.types import Signals
 
@@ -40,7 +42,7 @@ def test_shares_are_those_of_plain_loops() -> None:
     found = rocket._shares(sequence[None], state)[0].tolist()
     steps = [int(name.partition(".")[2]) for name in state if name.startswith("levels.")]
     for number, step in enumerate(steps):
-        kernels, levels = state[f"kernels.{step}"].reshape(84, -1, 9), state[f"levels.{step}"]
+        kernels, levels = kernels_of(state[f"channels.{step}"], 2), state[f"levels.{step}"]
         for inside in (0, 1):
             for index in range((inside + number) % 2, 84, 2):
                 values = []
@@ -63,17 +65,29 @@ def test_shares_are_those_of_plain_loops() -> None:
     assert found == []
 
 
-def test_kernels_see_no_constant_and_levels_lie_inside() -> None:
-    state = Rocket().fit(series(1, 6), np.repeat([0, 1], 3), 2, None, np.arange(6))
-    for name, array in state.items():
-        if name.startswith("kernels."):
-            kernels = array.reshape(84, -1, 9)
-            np.testing.assert_allclose(kernels.sum(axis=2), 0)  # three of 2 and six of -1, or none
-            assert kernels.any(axis=(1, 2)).all()
-    examples = series(1, 6)
-    shares = Rocket()._shares(standardised(examples, state["usual"], 64), state)
-    assert shares.shape == (6, 840) and shares.min() >= 0 and shares.max() <= 1
+def kernels_of(seen: np.ndarray, channels: int) -> np.ndarray:
+    """(84, D, 9) weights: three of 2 and six of -1 on the channels that a kernel looks at."""
+    kernels = np.zeros((84, channels, 9))
+    for index, three in enumerate(combinations(range(9), 3)):
+        for channel in seen[index][seen[index] >= 0].tolist():
+            kernels[index, channel] = [2 if place in three else -1 for place in range(9)]
+    return kernels
+
+
+def test_levels_lie_inside_and_no_bit_depends_on_the_batch() -> None:
+    examples = series(1, 35)
+    state = Rocket().fit(examples, np.repeat([0, 1], [17, 18]), 2, None, np.arange(35))
+    for name, seen in state.items():
+        if name.startswith("channels."):
+            assert all(len(set(row)) == len(row) > 0 for row in (one[one >= 0].tolist() for one in seen))
+    every = standardised(examples, state["usual"], 64)
+    shares = Rocket()._shares(every, state)
+    assert shares.shape == (35, 840) and shares.min() >= 0 and shares.max() <= 1
     assert 0.4 < shares.mean() < 0.6  # levels are quantiles
+    alone = [Rocket()._shares(every[index : index + 1], state)[0] for index in range(35)]
+    np.testing.assert_array_equal(shares, alone)
+    np.testing.assert_array_equal(shares[5:], Rocket()._shares(every[5:], state))
+    assert Rocket().scores(state, [], np.empty((0, 35))).shape == (0, 2)
 
 
 def test_no_unit_and_no_offset_matters() -> None:
@@ -86,29 +100,33 @@ def test_no_unit_and_no_offset_matters() -> None:
     assert not standardised(still, usual_deviation(still, 64), 64).any()
 
 
-@pytest.mark.parametrize("forms", [1, 2])
-def test_the_ridge_is_that_of_scikit_learn_and_leaves_out_exactly(forms: int) -> None:
+@pytest.mark.parametrize(
+    ("forms", "sizes"), [(1, (5, 5, 5)), (2, (5, 5, 5)), (2, (1, 4, 10)), (3, (15, 15, 15))]
+)
+def test_the_ridge_is_that_of_scikit_learn_and_leaves_out_exactly(forms: int, sizes: tuple[int, ...]) -> None:
     random = np.random.default_rng(0)
-    codes = np.repeat([0, 1, 2], 5)
-    shares = [random.uniform(size=(15, 40)) + codes[:, None] * 0.1 for _ in range(forms)]
+    codes = np.repeat([0, 1, 2], sizes)
+    count = len(codes)
+    shares = [random.uniform(size=(count, 40)) + codes[:, None] * 0.1 for _ in range(forms)]
     learned, without = ridge(shares, codes, 3)
     every = np.concatenate(shares)
     scale = 1 / ((every.std(axis=0) + 1e-8) * np.sqrt(40))
-    targets = np.eye(3)[np.tile(codes, forms)]
-    targets -= targets.mean(axis=0)
+    scarcity = np.tile((count / 3 / np.array(sizes))[codes], forms)  # classes weigh alike
+    targets = np.eye(3)[np.tile(codes, forms)] * scarcity[:, None] ** 0.25 - 1 / 3
+    mean = np.average(every, axis=0, weights=scarcity)
 
     def fitted(kept: np.ndarray, penalty: float) -> np.ndarray:
         judge = Ridge(alpha=penalty, fit_intercept=False, solver="svd")
-        judge.fit(((every - every.mean(axis=0)) * scale)[kept], targets[kept])
+        judge.fit(((every - mean) * scale)[kept], targets[kept], sample_weight=scarcity[kept])
         return np.asarray(judge.coef_.T * scale[:, None])
 
-    whole = np.arange(15 * forms)
+    whole = np.arange(count * forms)
     off = [np.abs(fitted(whole, p) - learned["weights"]).max() for p in np.logspace(-2, 4, 13)]
     assert min(off) < 1e-9
     penalty = float(np.logspace(-2, 4, 13)[int(np.argmin(off))])
-    for index in range(15):
-        weights = fitted(whole[whole % 15 != index], penalty)
-        alone = np.mean([(form[index] - every.mean(axis=0)) @ weights for form in shares], axis=0)
+    for index in range(0, count, 7):
+        weights = fitted(whole[whole % count != index], penalty)
+        alone = np.mean([(form[index] - mean) @ weights for form in shares], axis=0)
         np.testing.assert_allclose(without[index], alone, atol=1e-9)
 
 
@@ -142,6 +160,17 @@ def test_gestures_are_told_apart_saved_and_given_probabilities(name: str, tmp_pa
     assert GestureClassifier.load(tmp_path / "model").predictions(queries) == found
 
 
+def test_no_row_depends_on_the_others_of_its_batch() -> None:
+    fitted = model("auto").fit(*gestures(0, 4))
+    queries, _ = gestures(1, 7)
+    assert isinstance(fitted._recognizer.fitted.classifier, Blend)
+    together = fitted.predictions(queries)
+    assert [one for query in queries for one in fitted.predictions([query])] == together
+    assert fitted.predictions(queries[::-1])[::-1] == together
+    scores = fitted.decision_function(queries)
+    np.testing.assert_array_equal(scores[2:], fitted.decision_function(queries[2:]))
+
+
 def test_examples_stand_for_the_other_hand_where_the_preset_says_so() -> None:
     poses, labels = gestures(0, 4)
     fitted = model("rocket").fit(poses, labels)
@@ -160,6 +189,17 @@ def test_with_one_example_a_class_the_blend_is_weighed() -> None:
     assert not any(key.startswith("rocket.") for key in state)
 
 
+def test_a_posture_is_left_to_weighed() -> None:
+    poses, labels = gestures(0, 2)
+    still = [one.part(slice(0, 1)) for one in poses]
+    settings = load_settings("pose", environment={})
+    blend, weighed = (
+        GestureClassifier(settings.with_values([("classify.classifier", name)])).fit(still, labels)
+        for name in ("auto", "weighed")
+    )
+    np.testing.assert_array_equal(blend.decision_function(still), weighed.decision_function(still))
+
+
 def test_the_members_of_the_blend_add_up_to_its_scores() -> None:
     poses, labels = gestures(0, 3)
     queries, _ = gestures(1, 1)
@@ -170,10 +210,7 @@ def test_the_members_of_the_blend_add_up_to_its_scores() -> None:
     said = inner.classifier.members(inner.state, signals, distances)
     assert list(said) == ["weighed", "rocket"]
     np.testing.assert_allclose(said["weighed"] + said["rocket"], inner.ordered(signals, distances)[0])
-    weighed = {
-        key.removeprefix("weighed."): v for key, v in inner.state.items() if key.startswith("weighed.")
-    }
-    np.testing.assert_allclose(said["weighed"] * 1.25, Weighed().scores(weighed, signals, distances))
+    np.testing.assert_allclose(said["weighed"] * 1.25, Weighed().scores(inner.state, signals, distances))
     assert isinstance(signals[0], Signals)
     found = explain(signals[0], fitted.library_, distances[0], fitted.settings_, inner)
     assert sum(added for _, added in found.members) == pytest.approx(found.lead)

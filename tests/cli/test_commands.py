@@ -266,17 +266,21 @@ def test_help_says_what_happens_without_a_flag(capsys: pytest.CaptureFixture[str
     assert "who is lost for a while comes back as another person" in shown
 
 
-def test_render_says_in_how_many_of_the_frames_that_are_looked_at(
+def test_render_shows_the_frames_that_are_looked_at_and_no_others(
     drawn: DemoArchive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     film, out = drawn.videos / "clip_01.mp4", tmp_path / "seen.png"
-    for rate, said in (("none", "1 person in {0} of them"), ("5", "are looked at (pose.rate)")):
+    counts = []
+    for rate, said in (("none", ""), ("5", ", looked at 5 times a second (pose.rate)")):
         assert (
             main.run(["render", str(film), "--out", str(out), "--overwrite", "--set", f"pose.rate={rate}"])
             == 0
         )
         shown = capsys.readouterr().out
-        assert said.format(shown.split(": ")[1].split(" ")[0]) in shown
+        count = shown.split(": ")[1].split(" ")[0]
+        assert shown.endswith(f"{count} frames, 1 person in {count} of them{said}\n")
+        counts.append(int(count))
+    assert counts[1] < 0.6 * counts[0]
 
 
 def test_every_command_exists() -> None:

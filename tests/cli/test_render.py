@@ -72,7 +72,7 @@ def test_an_input_of_a_run_is_drawn_with_its_label_or_refused_with_a_remedy(
     points = np.broadcast_to(FIGURE * 80 + (20, 20), (5, 18, 2))
     pose = PoseSequence(points, np.ones((5, 18)), np.arange(5) / 10)
     monkeypatch.setattr(overlay, "overlay", noting)
-    monkeypatch.setattr(command, "_people", lambda video, settings: (5, [pose]))
+    monkeypatch.setattr(command, "_people", lambda video, settings: [pose])
     assert gesture(["render", str(run), "film", "--out", str(tmp_path / "seen.png")]) == 0
     assert tags == ["0  wave  margin 0.25"] and (tmp_path / "seen.png").stat().st_size > 500
 

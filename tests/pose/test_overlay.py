@@ -153,6 +153,21 @@ def test_the_command_renders_a_video(
     assert "E_NO_PERSON" in capsys.readouterr().err
 
 
+def test_a_video_is_no_darker_than_what_it_is_made_of_and_says_its_matrix(tmp_path: Path) -> None:
+    import cv2
+
+    av = pytest.importorskip("av")
+    rng = np.random.default_rng(0)
+    patches = np.kron(rng.integers(0, 256, (6, 8, 3)), np.ones((32, 32, 1))).astype(np.uint8)
+    write_video([(0.0, patches)], tmp_path / "patches.mp4", quality=1)
+    with av.open(str(tmp_path / "patches.mp4")) as container:
+        stream = container.streams.video[0]
+        (frame,) = container.decode(stream)
+        assert [int(one) for one in (frame.color_range, frame.colorspace)] == [1, 6]
+    seen = cv2.cvtColor(frame.to_ndarray(), cv2.COLOR_YUV2BGR_I420).astype(float)
+    assert np.abs((seen - patches).mean(axis=(0, 1))).max() < 0.6
+
+
 def test_tags_say_who_it_is_and_when() -> None:
     given = frames((240, 320))
     plain = [picture for _, picture in overlay(given, [pose()])]

@@ -262,9 +262,12 @@ def test_clips_that_change_most_decisions_come_first_and_known_ones_not_at_all()
     known = np.array([[1.0, 9], [2, 9], [2, 9], [9, 1], [3, 9]])
     new = np.array([[5.0, 0, 9], [0.5, 1, 9], [0.4, 3, 9], [9, 9, 0], [9, 0.1, 9]])
     # The first changes rows 1 and 2, the second rows 0, 1 and 4; what the third says, row 3 has already.
-    assert choose(known, ["a", "b"], new, ["b", "b", "b"], [2, 4, 3]) == [1, 0]
-    assert choose(known, ["a", "b"], new, ["b", "b", "b"], [2, 4, 3], most=1) == [1]
-    assert choose(known, ["a", "b"], new[:, :1], ["a"], [0]) == []
+    said = ["a", "a", "a", "b", "a"]
+    assert choose(known, said, new, ["b", "b", "b"], [2, 4, 3]) == [1, 0]
+    assert choose(known, said, new, ["b", "b", "b"], [2, 4, 3], most=1) == [1]
+    assert choose(known, said, new[:, :1], ["a"], [0]) == []
+    # What the run has wrong is no example's fault alone: it counts what the run says, not what is nearest.
+    assert choose(known, ["b", *said[1:]], new[:, :1], ["a"], [0]) == [0]
 
 
 def test_a_correction_becomes_an_example_and_the_next_run_knows_it(

@@ -51,10 +51,10 @@ def command(archive: Path, kind: str, out: Path, *more: str) -> int:
     return gesture([kind, str(archive / "videos"), *examples, "--out", str(out), *flags, *more])
 
 
-def shards_of(archive: Path, kind: str, out: Path, count: int = COUNT) -> list[Path]:
+def shards_of(archive: Path, kind: str, out: Path, count: int = COUNT, *more: str) -> list[Path]:
     runs = [out / f"run-{number}" for number in range(1, count + 1)]
     for number, folder in enumerate(runs, 1):
-        command(archive, kind, folder, "--shard", f"{number}/{count}")
+        command(archive, kind, folder, "--shard", f"{number}/{count}", *more)
     return runs
 
 
@@ -92,10 +92,13 @@ def test_a_name_keeps_its_shard() -> None:
     assert found == [6, 10, 15, 3]
 
 
-@pytest.mark.parametrize("kind", ["classify", "extract", "spot"])
-def test_merged_shards_are_one_run(archive: Path, tmp_path: Path, kind: str) -> None:
-    code = command(archive, kind, tmp_path / "one")
-    runs = shards_of(archive, kind, tmp_path)
+@pytest.mark.parametrize(
+    ("kind", "more"),
+    [("classify", ()), ("classify", ("--neighbors", "0")), ("extract", ()), ("spot", ())],
+)
+def test_merged_shards_are_one_run(archive: Path, tmp_path: Path, kind: str, more: tuple[str, ...]) -> None:
+    code = command(archive, kind, tmp_path / "one", *more)
+    runs = shards_of(archive, kind, tmp_path, COUNT, *more)
     merged = merge_runs(runs, tmp_path / "run")
     assert (code, merged.exit_code, merged.missing) == (3, 0, ())
     for format in ("csv", "jsonl"):
@@ -108,7 +111,7 @@ def test_merged_shards_are_one_run(archive: Path, tmp_path: Path, kind: str) -> 
         assert files[0] == files[1] and len(files[0]) == 12
     # It goes on like any run: nothing is left to do, and a new clip is one more row.
     before = exported(tmp_path / "run")
-    assert command(archive, kind, tmp_path / "run") == 3
+    assert command(archive, kind, tmp_path / "run", *more) == 3
     assert exported(tmp_path / "run") == before
 
 

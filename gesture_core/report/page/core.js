@@ -11,6 +11,8 @@ window.gesture = (() => {
     row.right = row.truth === null ? null : row.label === row.truth;
     return row;
   });
+  // Stands for "no label" among labels: no label can hold it.
+  const NOTHING = "\0";
   const base = sharedFolder(rows.map((row) => row.input));
   for (const row of rows) {
     row.name = row.input.slice(base.length);
@@ -51,7 +53,16 @@ window.gesture = (() => {
     return element;
   }
 
+  // A preview without sound; its still stands there until it plays.
+  function film(clip, attributes) {
+    const video = make("video", { muted: true, playsinline: true, poster: `clips/${clip.replace(/mp4$/, "jpg")}`, "aria-hidden": "true", tabindex: "-1", ...attributes });
+    video.muted = true;
+    return video;
+  }
+
   const number = (value, digits = 3) => (value === null || value === undefined ? "–" : Number(value).toFixed(digits));
+  // A distance may be of any size.
+  const distance = (value) => number(value, value >= 100 ? 0 : value >= 10 ? 1 : 3);
   const percent = (share) => `${(100 * share).toFixed(share === 1 ? 0 : 1)} %`;
   const counted = (count, noun) => `${count.toLocaleString("en")} ${noun}${count === 1 ? "" : "s"}`;
 
@@ -64,8 +75,10 @@ window.gesture = (() => {
     return [Math.max(0, middle - reach), Math.min(1, middle + reach)];
   }
 
-  // How certain a row is: its score where it is an event, otherwise its margin.
-  const sureness = data.kind === "events" ? "score" : "margin";
+  // Whether anything has a picture: of channels there is none, and a page may be made without.
+  const pictured = rows.some((row) => row.clip) || examples.some((one) => one.clip);
+  // How certain a row is: the score of an event, a calibrated confidence, or else the margin.
+  const sureness = data.sureness;
   const orders = {
     sure: { text: "least certain first", by: (row) => row[sureness] ?? Infinity, sign: 1 },
     unsure: { text: "most certain first", by: (row) => row[sureness] ?? -Infinity, sign: -1 },
@@ -76,7 +89,7 @@ window.gesture = (() => {
 
   const state = {
     text: "", label: "", status: "", sure: "", answer: "", person: "", folder: "", truth: null, order: "sure",
-    threshold: { by: "margin", value: null }, answers: new Map(),
+    threshold: { by: "sure", value: null }, answers: new Map(),
     shown: [], chosen: null,
   };
   const listeners = new Set();
@@ -91,7 +104,7 @@ window.gesture = (() => {
 
   function fits(row) {
     const { text, label, status, sure, answer, person, folder, truth } = state;
-    if (label !== "" && (row.label ?? "(none)") !== label) return false;
+    if (label !== "" && (row.label ?? NOTHING) !== label) return false;
     if (truth !== null && row.truth !== truth) return false;
     if (status === "wrong" ? row.right !== false : status !== "" && row.status !== status) return false;
     if (sure !== "" && keeps(row) !== (sure === "above")) return false;
@@ -132,7 +145,7 @@ window.gesture = (() => {
   }
 
   return {
-    data, rows, examples, state, orders, sureness, keeps, show, listeners, detail, details: loaded,
-    make, draw, number, percent, counted, wilson, base,
+    data, rows, examples, state, orders, sureness, pictured, keeps, show, listeners, detail, details: loaded,
+    make, draw, film, number, distance, percent, counted, wilson, base, NOTHING,
   };
 })();

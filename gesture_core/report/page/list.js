@@ -1,7 +1,7 @@
 // The table: rows are drawn as they come into view, and their previews play while they are in it.
 "use strict";
 gesture.list = (() => {
-  const { data, rows, state, sureness, make, number } = gesture;
+  const { data, rows, state, sureness, make, number, distance } = gesture;
   const table = document.getElementById("table"), body = document.getElementById("body");
   const above = make("tr", { "aria-hidden": "true", class: "space" }, make("td"));
   const below = make("tr", { "aria-hidden": "true", class: "space" }, make("td"));
@@ -9,7 +9,7 @@ gesture.list = (() => {
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
   const most = (name) => rows.reduce((so_far, row) => Math.max(so_far, row[name] ?? 0), 1e-9);
   const longest = most("distance");
-  const surest = data.margin_is === "score" || data.kind === "events" ? 1 : most("margin");
+  const surest = data.margin_is === "distance" && sureness === "margin" ? most("margin") : 1;
   let first = 0, last = -1, height = 0, moving = 0;
 
   function bar(value, most, kind) {
@@ -18,9 +18,7 @@ gesture.list = (() => {
 
   function clip(row) {
     if (!row.clip) return make("span", { class: "no-clip", title: row.missing || "no preview" }, "no preview");
-    const video = make("video", { muted: true, loop: true, playsinline: true, preload: "none", "aria-hidden": "true", tabindex: "-1", "data-src": `clips/${row.clip}` });
-    video.muted = true;
-    return video;
+    return gesture.film(row.clip, { loop: true, preload: "none", "data-src": `clips/${row.clip}` });
   }
 
   function line(row, place) {
@@ -38,7 +36,7 @@ gesture.list = (() => {
       make("td", { class: "c-label", role: "gridcell" }, make("span", { class: row.label === null ? "label unlabelled" : "label" }, label), make("span", { class: "second" }, ...second), make("span", { class: "narrow dim" }, row.file)),
       make("th", { class: "c-name", scope: "row" }, make("span", { class: "file", title: row.input }, row.file), make("span", { class: "second dim" }, [row.folder, where].filter(Boolean).join("  "))),
       make("td", { class: "c-sure", role: "gridcell" }, make("span", { class: "value" }, number(row[sureness])), bar(row[sureness], surest, "sure")),
-      make("td", { class: "c-far", role: "gridcell" }, make("span", { class: "value" }, number(row.distance)), bar(row.distance, longest, "far")));
+      make("td", { class: "c-far", role: "gridcell" }, make("span", { class: "value" }, distance(row.distance)), bar(row.distance, longest, "far")));
   }
 
   // Draw what is in view, and a screen above and below.
@@ -119,7 +117,7 @@ gesture.list = (() => {
     for (const element of drawn.values()) element.remove();
     drawn.clear();
     above.firstChild.style.height = below.firstChild.style.height = "0";
-    state.shown.slice(0, 1000).forEach((row, place) => {
+    state.shown.forEach((row, place) => {
       const element = line(row, place);
       drawn.set(place, element);
       below.before(element);
@@ -133,7 +131,9 @@ gesture.list = (() => {
   document.addEventListener("visibilitychange", play);
   calm.addEventListener("change", play);
   gesture.listeners.add(() => {
-    document.getElementById("none").hidden = state.shown.length > 0;
+    const none = document.getElementById("none");
+    none.hidden = state.shown.length > 0;
+    none.textContent = rows.length ? "No row is like that." : "The run has no rows: nothing was finished yet, or its shard has no inputs.";
     render(true);
   });
   return { render, reveal, mark, redraw: () => render(true), focus: () => body.querySelector("[aria-selected=true]")?.focus({ preventScroll: true }) };

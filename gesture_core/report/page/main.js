@@ -13,9 +13,10 @@
     data.preset ? `preset ${data.preset}` : "", data.reject === null || data.kind !== "labels" ? "" : `no label beyond distance ${data.reject}`, data.margin === null || data.kind !== "labels" ? "" : `no label below margin ${data.margin}`,
   ].filter(Boolean).join(" · ");
   document.getElementById("foot").textContent = `gesture-core ${data.version} · run ${data.fingerprint}${gesture.base ? ` · inputs in ${gesture.base}` : ""}`;
-  document.getElementById("h-sure").textContent = sureness === "score" ? "Score" : "Margin";
+  document.getElementById("h-sure").textContent = sureness[0].toUpperCase() + sureness.slice(1);
+  document.body.classList.toggle("unpictured", !gesture.pictured);
 
-  options(field("label"), [["", "all"], ...[...new Set([...data.labels, ...values("label")])].sort().map((one) => [one, one]), ...(rows.some((row) => row.label === null) ? [["(none)", "no label"]] : [])]);
+  options(field("label"), [["", "all"], ...[...new Set([...data.labels, ...values("label")])].sort().map((one) => [one, one]), ...(rows.some((row) => row.label === null) ? [[gesture.NOTHING, "no label"]] : [])]);
   options(field("status"), [["", "all"], ...values("status").map((one) => [one, one]), ...(rows.some((row) => row.right === false) ? [["wrong", "wrong label"]] : [])]);
   options(field("sure"), [["", "all"], ["above", "keeps its label"], ["below", "loses its label"]]);
   options(field("answer"), [["", "all"], ["open", "not answered"], ["given", "answered"]]);

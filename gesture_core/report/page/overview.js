@@ -1,7 +1,7 @@
 // Counts of labels and statuses, how certain they are, what a threshold would cost, and what was taken for what.
 "use strict";
 gesture.overview = (() => {
-  const { data, rows, state, sureness, show, make, draw, number, percent, counted, wilson } = gesture;
+  const { data, rows, state, sureness, show, make, draw, number, percent, counted, wilson, NOTHING } = gesture;
   const { scale, path, text } = gesture.plots;
   const known = rows.some((row) => row.truth !== null);
   const refresh = [];
@@ -28,15 +28,15 @@ gesture.overview = (() => {
       refresh.push(() => chip.setAttribute("aria-pressed", state.status === status));
       chips.append(chip);
     }
-    const counts = tally(rows.map((row) => row.label ?? "(none)"));
+    const counts = tally(rows.map((row) => row.label ?? NOTHING));
     for (const label of data.labels) if (!counts.has(label)) counts.set(label, 0);
     const most = Math.max(1, ...counts.values());
-    const sorted = [...counts].sort((a, b) => (a[0] === "(none)") - (b[0] === "(none)") || b[1] - a[1] || (a[0] < b[0] ? -1 : 1));
+    const sorted = [...counts].sort((a, b) => (a[0] === NOTHING) - (b[0] === NOTHING) || b[1] - a[1] || (a[0] < b[0] ? -1 : 1));
     const list = make("ul", { class: counts.size > 8 ? "bars many" : "bars" });
     for (const [label, count] of sorted) {
       const button = make("button", { type: "button", onclick: () => show({ label: state.label === label ? "" : label, truth: null }) },
-        make("span", { class: "bar-name" }, label === "(none)" ? "no label" : label),
-        make("span", { class: "bar", "aria-hidden": "true" }, make("span", { style: { width: `${(100 * count) / most}%` }, class: label === "(none)" ? "fill empty" : "fill" })),
+        make("span", { class: "bar-name" }, label === NOTHING ? "no label" : label),
+        make("span", { class: "bar", "aria-hidden": "true" }, count > 0 && make("span", { style: { width: `${(100 * count) / most}%` }, class: label === NOTHING ? "fill empty" : "fill" })),
         make("span", { class: "bar-count" }, count.toLocaleString("en")));
       refresh.push(() => button.setAttribute("aria-pressed", state.label === label));
       list.append(make("li", {}, button));
@@ -51,8 +51,8 @@ gesture.overview = (() => {
     const slider = make("input", { type: "range", min: 0, max: 1000, class: "slider", "aria-label": "Threshold" });
     const setting = make("code", { class: "setting" });
     const reset = make("button", { type: "button", onclick: () => choose(null) }, "As in the run");
-    const kinds = ["margin", "distance"];
-    const names = { margin: sureness, distance: "distance" };
+    const kinds = data.kind === "events" ? ["sure"] : ["sure", "distance"];
+    const names = { sure: sureness, distance: "distance" };
     const switches = make("div", { class: "switch", role: "group", "aria-label": "Threshold on" });
     for (const kind of kinds) {
       const button = make("button", { type: "button", onclick: () => { state.threshold = { by: kind, value: null }; render(); show(); } }, names[kind]);
@@ -76,7 +76,7 @@ gesture.overview = (() => {
       const all = rows.filter((row) => row.best !== null && Number.isFinite(value(row)));
       const values = all.map(value).sort((a, b) => a - b);
       low = 0;
-      top = by === "distance" ? values[Math.floor(0.995 * (values.length - 1))] * 1.05 || 1 : Math.max(data.margin_is === "score" || data.kind === "events" ? 1 : 0, values[values.length - 1] ?? 1);
+      top = by === "distance" ? values[Math.floor(0.995 * (values.length - 1))] * 1.05 || 1 : Math.max(data.margin_is === "distance" && sureness === "margin" ? 0 : 1, values[values.length - 1] ?? 1);
       axis = scale(low, top, left, wide - right);
       const bins = 30, counts = Array.from({ length: bins }, () => [0, 0]);
       for (const row of all) {
@@ -113,8 +113,17 @@ gesture.overview = (() => {
 
     function title(by) {
       if (by === "distance") return "distance to the nearest example";
-      if (data.kind === "events") return "score of the event";
+      if (sureness === "score") return "score: how far an event is below the threshold";
+      if (sureness === "confidence") return "confidence: probability that the label is right";
       return data.margin_is === "score" ? "margin: lead of the label's score over the next" : "margin: how much farther the next label is";
+    }
+
+    // What to type for a threshold; the score of an event is a share of what its setting allows.
+    function typed(by, at) {
+      if (by === "distance") return `--reject ${number(at)}`;
+      if (sureness !== "score") return `--set classify.${sureness}=${number(at)}`;
+      const [name, value] = data.spot;
+      return `--set ${name}=${number(value * (1 - at))}`;
     }
 
     function kept(at) {
@@ -141,15 +150,14 @@ gesture.overview = (() => {
       if (at !== null) for (const end of ["x1", "x2"]) line.setAttribute(end, axis.place(at));
       slider.value = at === null ? (by === "distance" ? 1000 : 0) : ((at - low) / (top - low)) * 1000;
       slider.setAttribute("aria-valuetext", at === null ? "as in the run" : `${names[by]} ${number(at)}`);
-      const typed = data.kind === "events" ? null : by === "distance" ? `--reject ${number(at)}` : `--set classify.margin=${number(at)}`;
-      setting.textContent = typed ?? "";
-      setting.hidden = at === null || typed === null;
+      setting.textContent = at === null ? "" : typed(by, at);
+      setting.hidden = at === null;
       reset.hidden = at === null;
     });
     render();
     const legend = make("p", { class: "legend" }, make("span", { class: "key coverage" }, "keep their label"), known ? make("span", { class: "key accuracy" }, "of these right") : null,
       make("span", { class: "key bars-key" }, "rows"), known ? make("span", { class: "key wrong-key" }, "rows with a wrong label") : null);
-    return card("Certainty and threshold", make("div", { class: "pair" }, make("div", {}, picture, slider), make("div", {}, switches, legend, said, make("p", { class: "setting-line" }, setting, reset))));
+    return card("Certainty and threshold", make("div", { class: "pair" }, make("div", {}, picture, slider), make("div", {}, kinds.length > 1 && switches, legend, said, make("p", { class: "setting-line" }, setting, reset))));
   }
 
   // Rows are what was performed, columns what was recognised; each cell is a filter.
@@ -157,18 +165,18 @@ gesture.overview = (() => {
     const tested = rows.filter((row) => row.truth !== null);
     const right = tested.filter((row) => row.right).length, [low, high] = wilson(right, tested.length);
     const truths = [...new Set(tested.map((row) => row.truth))].sort();
-    const given = new Set(tested.map((row) => row.label ?? "(none)"));
-    const columns = [...truths, ...[...given].filter((one) => one !== "(none)" && !truths.includes(one)).sort(), ...(given.has("(none)") ? ["(none)"] : [])];
-    const counts = tally(tested.map((row) => JSON.stringify([row.truth, row.label ?? "(none)"])));
+    const given = new Set(tested.map((row) => row.label ?? NOTHING));
+    const columns = [...truths, ...[...given].filter((one) => one !== NOTHING && !truths.includes(one)).sort(), ...(given.has(NOTHING) ? [NOTHING] : [])];
+    const counts = tally(tested.map((row) => JSON.stringify([row.truth, row.label ?? NOTHING])));
     const totals = tally(tested.map((row) => row.truth));
-    const head = make("tr", {}, make("td", {}), ...columns.map((one) => make("th", { scope: "col" }, make("span", {}, one === "(none)" ? "no label" : one))));
+    const head = make("tr", {}, make("td", {}), ...columns.map((one) => make("th", { scope: "col" }, make("span", {}, one === NOTHING ? "no label" : one))));
     const body = truths.map((truth) => make("tr", {}, make("th", { scope: "row" }, truth), ...columns.map((label) => {
       const count = counts.get(JSON.stringify([truth, label])) ?? 0;
       if (count === 0) return make("td", {}, make("span", { class: "zero", "aria-label": "0" }, "·"));
       const share = count / totals.get(truth);
       const button = make("button", {
         type: "button", class: truth === label ? "cell right" : "cell wrong", style: { "--share": `${Math.round(12 + 88 * share)}%` }, "data-deep": share > 0.55,
-        "aria-label": `${truth} recognised as ${label === "(none)" ? "nothing" : label}: ${count}`,
+        "aria-label": `${truth} recognised as ${label === NOTHING ? "nothing" : label}: ${count}`,
         onclick: () => (state.truth === truth && state.label === label ? show({ truth: null, label: "" }) : show({ truth, label })),
       }, String(count));
       refresh.push(() => button.setAttribute("aria-pressed", state.truth === truth && state.label === label));

@@ -8,9 +8,7 @@ gesture.player = (() => {
   // A clip, or why there is none.
   function screen(clip, missing, mirrored = false) {
     if (!clip) return make("span", { class: "no-clip" }, missing || "no preview");
-    const video = make("video", { src: `clips/${clip}`, muted: true, playsinline: true, preload: "auto", class: mirrored ? "mirrored" : null, "aria-hidden": "true", tabindex: "-1" });
-    video.muted = true;
-    return video;
+    return gesture.film(clip, { src: `clips/${clip}`, preload: "auto", class: mirrored ? "mirrored" : null });
   }
 
   // Milliseconds of an example at those of the query: between the places that are known, on straight lines.

@@ -1,9 +1,9 @@
 // The chosen row: the clip, the nearest example and the runner-up, moving together, and why.
 "use strict";
 gesture.stage = (() => {
-  const { data, rows, state, examples, sureness, make, number } = gesture;
+  const { data, state, examples, sureness, pictured, make, number, distance } = gesture;
   const place = document.getElementById("stage");
-  let turn = 0, opened = false, shown = null;
+  let turn = 0, opened = !pictured, shown = null;
 
   function panel(kind, title, subtitle, screen, where) {
     return make("figure", { class: `panel ${kind}` }, screen, make("figcaption", {}, make("b", {}, title), make("span", { class: "dim" }, subtitle), where && make("span", { class: "dim where" }, where)));
@@ -54,7 +54,8 @@ gesture.stage = (() => {
     const facts = make("dl", { class: "facts" });
     const fact = (name, value) => value && facts.append(make("div", {}, make("dt", {}, name), make("dd", {}, value)));
     fact(sureness, row[sureness] === null ? "" : number(row[sureness]));
-    fact("distance", row.distance === null ? "" : number(row.distance));
+    if (sureness === "confidence") fact("margin", row.margin === null ? "" : number(row.margin));
+    fact("distance", row.distance === null ? "" : distance(row.distance));
     fact("time", row.start === null ? "" : `${number(row.start, 2)} to ${number(row.end, 2)} s`);
     fact("person", row.person ? String(row.person) : "");
     const verdict = row.right === null ? null : make("span", { class: row.right ? "right" : "wrong" }, row.right ? "✓ right" : `✗ performed: ${row.truth}`);
@@ -67,7 +68,7 @@ gesture.stage = (() => {
           make("button", { type: "button", onclick: () => step(1), "aria-label": "Next row" }, "↓"),
           make("button", { type: "button", class: "close", onclick: close, "aria-label": "Close" }, "✕"))),
       panels,
-      make("div", { class: "controls" }, button, slider, clock, pace),
+      pictured ? make("div", { class: "controls" }, button, slider, clock, pace) : "",
       gesture.review?.panel(row) ?? "",
       row.message ? make("p", { class: `message ${row.status}` }, row.message) : "",
       facts, row.note ? make("p", { class: "dim small" }, row.note) : "", why);
@@ -86,7 +87,7 @@ gesture.stage = (() => {
         if (!side) return;
         screens[index].classList.toggle("mirrored", side.mirrored);
         const caption = screens[index].parentElement.querySelector("figcaption");
-        caption.append(make("span", { class: "dim" }, `distance ${number(side.distance)}${side.mirrored ? ", mirrored" : ""}`));
+        caption.append(make("span", { class: "dim" }, `distance ${distance(side.distance)}${side.mirrored ? ", mirrored" : ""}`));
         const one = players.find(({ video }) => video === screens[index]);
         if (one) one.time = (at) => gesture.player.warp(record.time, side.time, 1000 * at) / 1000;
       });

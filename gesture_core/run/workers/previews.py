@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gesture_core.files import replacing
 from gesture_core.pose.overlay import draw_pose
 from gesture_core.records import decoded
 from gesture_core.run.addresses import drop, fetch, look, place_for
@@ -24,7 +25,7 @@ SIDE = 240
 """Width and height, in pixels."""
 RATE = 15.0
 """Frames a second at most."""
-REVISION = 1
+REVISION = 2
 """Goes up when the same input gives other pictures."""
 _MARGIN = 0.18
 """Around the joints, as a share of the square's side."""
@@ -32,6 +33,7 @@ _OUTLIERS = (2.0, 98.0)
 """Percentiles of the coordinates that the square holds: one joint that jumps moves nobody out of sight."""
 _GROUND = (44, 40, 38)
 _QUALITY = 27
+_STILL_QUALITY = 75
 _NEAR = 0.5 / RATE
 
 
@@ -42,17 +44,20 @@ class Cut:
     Attributes
     ----------
     path : Path
-        The ``.mp4`` to write; its time begins at ``start``.
+        The ``.mp4`` to write, a still beside it; its time begins at ``start``.
     person : int or None
         None for the whole picture.
     start, end : float
         Seconds in the input.
+    pictures : int
+        Of a strip at even times, side by side in a ``.png``; 0 for a video.
     """
 
     path: Path
     person: int | None
     start: float
     end: float
+    pictures: int = 0
 
 
 def draw_previews(
@@ -60,17 +65,17 @@ def draw_previews(
     path: str,
     video: bool,
     stored: str,
-    cuts: Sequence[tuple[str, int | None, float, float]],
+    cuts: Sequence[tuple[str, int | None, float, float, int]],
     address: str = "",
 ) -> None:
     """Write previews of one input, in one pass over it.
 
-    Of each cut ``cuts`` have its file, the person, start and end in seconds. Keypoints alone are drawn on a
+    Of each cut ``cuts`` have what a `Cut` has. Keypoints alone are drawn on a
     plain ground. A video at an ``address`` is fetched for it, and deleted afterwards.
     """
     worker.slow()
     people = worker.people(stored, "") if stored else ()
-    wanted = [Cut(decoded(file), person, start, end) for file, person, start, end in cuts]
+    wanted = [Cut(decoded(cut[0]), *cut[1:]) for cut in cuts]
     drawn = {cut.path: _Drawn(cut, people) for cut in wanted}
     if not video:
         for one in drawn.values():
@@ -106,6 +111,7 @@ class _Drawn:
         bodies = [one for one in people if isinstance(one, PoseSequence)]  # channels cannot be drawn
         self._pose = next((one.flat for one in bodies if one.person == cut.person), None)
         self._frames: list[tuple[float, np.ndarray]] = []
+        self._strip: dict[int, tuple[float, np.ndarray]] = {}
         self._square: tuple[float, float, float] | None = None
         self._near = _NEAR
         if self._pose is not None:
@@ -124,7 +130,7 @@ class _Drawn:
         left, top, side = _inside(self._square, wide, high) or ((wide - whole) / 2, (high - whole) / 2, whole)
         picture = _cropped(frame, left, top, side)
         self._draw(picture, time, left, top, side)
-        self._frames.append((time - self.cut.start, picture))
+        self._keep(time - self.cut.start, picture)
 
     def on_plain_ground(self) -> None:
         """Draw the keypoints alone."""
@@ -135,13 +141,29 @@ class _Drawn:
             if self.cut.start - 1e-6 <= time <= self.cut.end + _NEAR and time - last >= 0.9 / RATE:
                 picture = np.full((SIDE, SIDE, 3), _GROUND, np.uint8)
                 self._draw(picture, time, *self._square)
-                self._frames.append((time - self.cut.start, picture))
+                self._keep(time - self.cut.start, picture)
                 last = time
 
     def write(self) -> None:
-        """Write the file, unless there was no frame."""
-        if self._frames:
+        """Write the files, unless there was no frame: the still first, so that no video lacks its own."""
+        if self._strip:
+            places = sorted(self._strip)
+            nearest = [min(places, key=lambda place: abs(place - n)) for n in range(self.cut.pictures)]
+            _write_picture(np.hstack([self._strip[place][1] for place in nearest]), self.cut.path)
+        elif self._frames:
+            _write_picture(self._frames[len(self._frames) // 2][1], still_of(self.cut.path))
             write_video(self._frames, self.cut.path, quality=_QUALITY, seekable=True)
+
+    def _keep(self, time: float, picture: np.ndarray) -> None:
+        """Take a picture for the video, or for the place of the strip whose middle it is nearest to."""
+        if not self.cut.pictures:
+            self._frames.append((time, picture))
+            return
+        at = time / max(self.cut.end - self.cut.start, 1e-6) * self.cut.pictures
+        place = int(np.clip(at, 0, self.cut.pictures - 1))
+        off = abs(at - place - 0.5)
+        if place not in self._strip or off < self._strip[place][0]:
+            self._strip[place] = off, picture
 
     def _draw(self, picture: np.ndarray, time: float, left: float, top: float, side: float) -> None:
         if self._pose is None:
@@ -150,6 +172,19 @@ class _Drawn:
         if abs(self._pose.times[index] - time) <= self._near:
             points = (self._pose.keypoints[index] - (left, top)) * (SIDE / side)
             draw_pose(picture, points, skeleton(self._pose.skeleton))
+
+
+def still_of(video: Path) -> Path:
+    """The picture that stands for a preview until it plays."""
+    return video.with_suffix(".jpg")
+
+
+def _write_picture(picture: np.ndarray, path: Path) -> None:
+    import cv2
+
+    data = cv2.imencode(path.suffix, picture, (cv2.IMWRITE_JPEG_QUALITY, _STILL_QUALITY))[1]
+    with replacing(path) as temporary:
+        temporary.write_bytes(data.tobytes())
 
 
 def _square(points: np.ndarray) -> tuple[float, float, float] | None:
