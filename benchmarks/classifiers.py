@@ -95,7 +95,7 @@ def strangers(compared: Compared, name: str) -> dict[str, tuple[float, float]]:
     labels = np.array([compared.data.labels[i] for i in compared.usable])
     subjects = np.array([compared.data.subjects[i] for i in compared.usable])
     settings = load_settings("modern", classify__classifier=name)
-    signs = {"margin": 1.0, "distance": -1.0, "margin over distance": 1.0}
+    signs = {"margin": 1.0, "distance": -1.0, "margin over distance": 1.0, "score of the winner": 1.0}
     known: dict[str, list[float]] = {key: [] for key in signs}
     unknown: dict[str, list[float]] = {key: [] for key in signs}
     for gone in np.unique(labels):
@@ -108,6 +108,7 @@ def strangers(compared: Compared, name: str) -> dict[str, tuple[float, float]]:
             votes = votes_of(fitted, compared.within[np.ix_(queries, examples)], compared.of(queries))
             values = {"margin": votes.margins, "distance": votes.distances}
             values["margin over distance"] = votes.margins / np.maximum(votes.distances, 1e-9)
+            values["score of the winner"] = votes.scores.max(axis=1)
             right = classes[votes.winners] == labels[queries]
             for key, value in values.items():
                 known[key] += (signs[key] * value[right]).tolist()

@@ -20,6 +20,8 @@ _MOST = 200
 
 Series = Sequence[Signals | np.ndarray]
 State = Mapping[str, np.ndarray]
+Table = np.ndarray | None
+"""Distances, where a classifier compares examples."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +37,7 @@ class Nearest:
     compares = False
 
     def fit(
-        self,
-        examples: Series,
-        codes: np.ndarray,
-        classes: int,
-        distances: np.ndarray | None,
-        marks: np.ndarray,
+        self, examples: Series, codes: np.ndarray, classes: int, distances: Table, marks: np.ndarray
     ) -> State:
         """Nothing is learned."""
         return {"codes": np.asarray(codes)[marks], "classes": np.array(classes)}
@@ -75,12 +72,7 @@ class Weighed:
     compares = True
 
     def fit(
-        self,
-        examples: Series,
-        codes: np.ndarray,
-        classes: int,
-        distances: np.ndarray | None,
-        marks: np.ndarray,
+        self, examples: Series, codes: np.ndarray, classes: int, distances: Table, marks: np.ndarray
     ) -> State:
         """Weights of the examples at ``marks``, learned from all."""
         assert distances is not None

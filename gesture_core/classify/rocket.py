@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from gesture_core.classify.classifiers import Series, State, Weighed, left_out
+from gesture_core.classify.classifiers import Series, State, Table, Weighed, left_out
 from gesture_core.classify.learning import targets_of
 from gesture_core.signals.mirror import mirrored
 from gesture_core.types import Signals
@@ -67,12 +67,7 @@ class Rocket:
             raise ValueError(f"{self.frames} frames: {_PLACES} at least, the length of a kernel")
 
     def fit(
-        self,
-        examples: Series,
-        codes: np.ndarray,
-        classes: int,
-        distances: np.ndarray | None,
-        marks: np.ndarray,
+        self, examples: Series, codes: np.ndarray, classes: int, distances: Table, marks: np.ndarray
     ) -> State:
         """Levels of the convolutions, and the weights of the shares."""
         described, state = self._described(examples)
@@ -171,12 +166,7 @@ class Blend(Weighed):
             raise ValueError(f"weight {self.weight} is no finite number of zero or more")
 
     def fit(
-        self,
-        examples: Series,
-        codes: np.ndarray,
-        classes: int,
-        distances: np.ndarray | None,
-        marks: np.ndarray,
+        self, examples: Series, codes: np.ndarray, classes: int, distances: Table, marks: np.ndarray
     ) -> State:
         """What ``weighed`` learns, and what ``rocket`` does with its name in front."""
         state = super().fit(examples, codes, classes, distances, marks)

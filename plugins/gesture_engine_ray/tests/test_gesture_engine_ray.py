@@ -103,14 +103,15 @@ def test_a_task_that_hangs_is_given_up(cluster: Any) -> None:
 
 
 class Killing(Listener):
-    """Kills a machine when some inputs are done."""
+    """Kills a machine, and adds another one, at each ``every``-th input, ``kills`` times in all."""
 
-    def __init__(self, cluster: Any, after: int) -> None:
-        self._cluster, self._after, self.names = cluster, after, list[str]()
+    def __init__(self, cluster: Any, every: int, kills: int) -> None:
+        self._cluster, self._every, self.kills, self.names = cluster, every, kills, list[str]()
 
     def extracted(self, name: str, cached: bool) -> None:
         self.names.append(name)
-        if len(self.names) == self._after:
+        if self.kills and len(self.names) % self._every == 0:
+            self.kills -= 1
             self._cluster.remove_node(self._cluster.second, allow_graceful=False)
             self._cluster.second = self._cluster.add_node(num_cpus=1)
 
@@ -131,12 +132,12 @@ def test_a_machine_that_is_killed_changes_no_row(
 ) -> None:
     for joint, label in ((4, "right"), (7, "left")):
         write_clip(tmp_path / "examples" / label / "1.npz", joint, joint)
-    count = 1000 if pytestconfig.getoption("--thorough", False) else 60
+    count, kills = (1000, 20) if pytestconfig.getoption("--thorough", False) else (60, 1)
     for number in range(count):
         write_clip(tmp_path / "videos" / f"{number:04d}.npz", (4, 7)[number % 2], 100 + number)
-    exports = []
+    killing, exports = Killing(cluster, 18 if kills == 1 else 45, kills), []
     for engine in ("ray", "inline"):
-        listener = Killing(cluster, 3 + count // 4) if engine == "ray" else Listener()
+        listener = killing if engine == "ray" else Listener()
         with pytest.MonkeyPatch.context() as patch:
             patch.setenv("GESTURE_CACHE", str(tmp_path / engine))
             summary = classify_archive(
@@ -146,6 +147,7 @@ def test_a_machine_that_is_killed_changes_no_row(
         assert sum(summary.counts.values()) == count
         export_rows(tmp_path / f"run-{engine}", "csv", tmp_path / f"{engine}.csv", LimitSettings())
         exports.append((tmp_path / f"{engine}.csv").read_text("utf-8").splitlines())
+    assert not killing.kills, "a machine lives that was to be killed"
     ray_rows, one = exports
     assert len(ray_rows) == len(one) == count + 1
     assert ray_rows == one  # whose inputs lie in the same folder: byte for byte
