@@ -105,6 +105,10 @@ class Region:
         return replace(person, keypoints=back(person.keypoints), region=region, depth=depth)
 
 
+_USUAL_GAP = 1 / 30
+"""Seconds between two frames that have the same time."""
+
+
 class OneEuro:
     """A low pass that opens with the speed of what it smooths (Casiez, Roussel and Vogel 2012).
 
@@ -125,6 +129,7 @@ class OneEuro:
     def __call__(self, time: float, values: np.ndarray, size: float) -> np.ndarray:
         """``values`` of a second, smoothed; NaN stays NaN, and what comes after it is taken as it is."""
         gap, self._time = time - self._time, time
+        gap = gap if gap > 0 else _USUAL_GAP  # a clock that stands still, or steps back, stops nothing
         speed = (values - self._raw) / size / max(gap, 1e-3)
         self._speed = self._speed + _share(_SPEED, gap) * (np.nan_to_num(speed) - self._speed)
         step = _share(self._least + self._rise * np.abs(self._speed), gap) * (values - self._smooth)
