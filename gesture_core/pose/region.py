@@ -39,6 +39,8 @@ LOOKS = 3
 AGREED = 0.45
 """Median distance in torso lengths between the joints of both networks up to which they see the same body. On
 drawn shapes and clouds that BlazePose takes for a person three times it is 0.7 to 1.9, on most people 0.1."""
+BELIEVED = 0.5
+"""Probability that a person is there which the network of the search must give to that body."""
 
 
 @dataclass(frozen=True)
@@ -213,7 +215,7 @@ class RegionFollower:
         own = _in_coco18(person, self.backend)
         body = self._anatomy.body(own)
         other = self._finder.look_at(frame, body) if body else None
-        if body is None or other is None:
+        if body is None or other is None or other.presence < BELIEVED:
             return False
         away = np.linalg.norm(_in_coco18(other, self._finder.backend).keypoints - own.keypoints, axis=1)
         known = away[~np.isnan(away)]
