@@ -67,7 +67,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
     thresholds_ : (C,) float array or None
         Rejection threshold of each class.
     weights_ : ExampleWeights or None
-        How much each example of `library_` counts for each class, of the classifier ``weighed``.
+        How much each example of `library_` counts for each class, of ``weighed`` and its part of ``blend``.
     rejected_label_ : object
         What `predict` answers where it gives no label.
 

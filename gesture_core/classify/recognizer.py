@@ -141,7 +141,7 @@ class Recognizer:
 
     @property
     def weights(self) -> ExampleWeights | None:
-        """How much each example counts for each class, of the classifier ``weighed``."""
+        """How much each example counts for each class, of ``weighed`` and its part of ``blend``."""
         asked = self.fitted.classifier
         return asked.weights(self.fitted.state) if isinstance(asked, Weighed) else None
 

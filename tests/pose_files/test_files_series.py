@@ -139,7 +139,9 @@ def test_streams_of_one_folder_are_one_recording_in_step(tmp_path: Path) -> None
     stream(clip, "imu", 100.0, 50.0, "acc_x,acc_y")
     stream(clip, "glove", 100.2, 20.0, "bend")
     reader = registry().make("reader", "series", {"streams": ["imu", "glove"]}, options=ReadOptions())
+    stream(clip, "battery", 100.0, 1.0, "volt")
     assert reader.accepts(clip) and not reader.accepts(clip / "imu.csv")
+    assert not reader.accepts(clip / "battery.csv")  # nor is what lies beside them an input
     (one,) = reader.read(clip)
     assert one.channels == ("acc@imu/x", "acc@imu/y", "bend@glove")
     assert len(one) == 30 and one.times[0] == 0

@@ -88,7 +88,7 @@ class SeriesReader:
         suffix = path.suffix.lower()
         if path.is_dir():
             return bool(files_of(path, self.streams, SUFFIXES))
-        if path.stem in self.streams and files_of(path.parent, self.streams, SUFFIXES):
+        if files_of(path.parent, self.streams, SUFFIXES):
             return False  # it is a part of its folder
         if is_archive(path):
             return bool(head_of(path, 1))
@@ -347,5 +347,5 @@ def _odd_times(times: np.ndarray) -> list[str]:
 def _odd_shape(values: np.ndarray) -> list[str]:
     """A clause about what may have its channels first."""
     samples, channels = values.shape
-    few = samples * 2 <= channels and samples < _STILL
+    few = samples * 4 <= channels and samples < _STILL
     return [f"{samples} samples of {channels} channels: if each row is one, transpose it"] if few else []
