@@ -139,7 +139,8 @@ class SpottingExamples:
         """(C,) mean duration of the examples of each class."""
         own = self.series[:: 1 + len(self.settings.spot.tempos)]
         seconds = np.array([one.times[-1] - one.times[0] for one in own])
-        return np.bincount(self.codes, seconds) / np.bincount(self.codes)
+        means: np.ndarray = np.bincount(self.codes, seconds) / np.bincount(self.codes)
+        return means
 
     def look_into(self, present: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, Subsequences]]:
         """Begin to look for the examples in a stream that has the (D,) channels ``present``.
