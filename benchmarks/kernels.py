@@ -242,22 +242,28 @@ def main() -> None:
 
 def plot(path: Path, rates: dict[str, float], peers: dict, compiled: float | None) -> None:
     """Bars of billions of cells for each CPU-second, on a logarithmic axis."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from gesture_core.colours import BLUE, GREY
+    from gesture_core.report.style import new_figure, save
 
     bars = {**rates, **{name: 4096 / cpu / 1e9 for name, (cpu, _) in peers.items()}}
     if compiled is not None:
         bars["C, AVX2 by hand"] = compiled
     names = sorted(bars, key=bars.__getitem__)
-    figure, axes = pyplot.subplots(figsize=(7, 4), layout="constrained")
-    axes.barh(
-        names, [bars[name] for name in names], color=["C0" if name in rates else "0.6" for name in names]
-    )
+    figure = new_figure(8, 4.6)
+    axes = figure.add_subplot()
+    for whose, colour, own in (("gesture-core", BLUE, True), ("others", GREY, False)):
+        places = [place for place, name in enumerate(names) if (name in rates) is own]
+        drawn = axes.barh(places, [bars[names[place]] for place in places], color=colour, label=whose)
+        axes.bar_label(drawn, [f"{bars[names[place]]:.2g}" for place in places], padding=4, fontsize=9)
+    axes.set_yticks(range(len(names)), names)
     axes.set_xscale("log")
+    axes.set_xticks([0.01, 0.1, 1, 10], ["0.01", "0.1", "1", "10"])
+    axes.set_xlim(right=3 * max(bars.values()))
     axes.set_xlabel("billions of cells for each CPU-second (hard, one dimension, length 64)")
-    figure.savefig(path, dpi=120)
+    axes.legend(loc="lower right", frameon=False)
+    for edge in ("top", "right"):
+        axes.spines[edge].set_visible(False)
+    save(figure, path)
 
 
 if __name__ == "__main__":

@@ -22,13 +22,13 @@ Drawing = Callable[[np.random.Generator, int, int], np.ndarray]
 
 def nobody(count: int, seed: int = 0) -> list[np.ndarray]:
     """So many pictures, (H, W, 3) uint8 in BGR, of all kinds in turn."""
-    return _drawn((_plain, _noise, _colour_bars, _text, _shapes, _clouds, _board), count, seed)
+    return drawn((_plain, _noise, _colour_bars, _text, _shapes, _clouds, _board), count, seed)
 
 
 def held_out(count: int, seed: int = 1) -> list[np.ndarray]:
     """As many of other kinds, which the training of `compact` has not seen; nothing was chosen on seed 2."""
     kinds = (_moire, _mosaic, _shelves, _chart, _tree, _contours, _street, _leaves)
-    return _drawn(kinds, count, seed)
+    return drawn(kinds, count, seed)
 
 
 def beside(shared: Path, count: int, seed: int = 1) -> list[np.ndarray]:
@@ -56,7 +56,8 @@ def beside(shared: Path, count: int, seed: int = 1) -> list[np.ndarray]:
     return found
 
 
-def _drawn(kinds: tuple[Drawing, ...], count: int, seed: int) -> list[np.ndarray]:
+def drawn(kinds: tuple[Drawing, ...], count: int, seed: int) -> list[np.ndarray]:
+    """So many pictures of kinds in turn, in several sizes."""
     random = np.random.default_rng(seed)
     pictures = []
     for number in range(count):

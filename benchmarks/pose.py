@@ -29,6 +29,7 @@ import numpy as np
 from datasets import arguments, body_gesture, need
 from nobody import SOMEBODY, SOMETIMES, beside, held_out, nobody
 from pose_measures import Comparison, compare, to_authors
+from unseen import unseen
 
 from gesture_core.errors import GestureError
 from gesture_core.files import cache_dir
@@ -247,6 +248,7 @@ def presence(shared: Path, student: Extractor, every: int, drawn: int) -> list[G
     sets = {
         "drawn": nobody(drawn),
         "of other kinds": held_out(drawn, 2),
+        "of kinds kept for this": unseen(drawn),
         "beside a person": beside(shared, 60, 2),
     }
     for what, shown in sets.items():

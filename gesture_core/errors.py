@@ -136,7 +136,7 @@ class Code(StrEnum):
     REJECTED = "E_REJECTED", "no example is near enough", "a larger --reject", 1, "rejected"
     NO_EVENT = "E_NO_EVENT", "no example was found in a recording", "more examples", 1, "rejected"
     UNSURE = "E_UNSURE", "two gestures are about as likely", "a lower --set classify.margin=…", 1, "rejected"
-    NOT_AN_INPUT = "E_NOT_AN_INPUT", "neither a video nor a keypoint file", "leave it out", 1, "skipped"
+    NOT_AN_INPUT = "E_NOT_AN_INPUT", "no video, keypoints or series", "leave it out", 1, "skipped"
 
     # Pose networks.
     MODEL = "E_MODEL", "a pose network cannot be used", "gesture models"

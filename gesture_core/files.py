@@ -120,6 +120,16 @@ def made_up(status: os.stat_result) -> tuple[str, str] | None:
     return None
 
 
+_SYSTEM = frozenset("@eadir @recycle #recycle #snapshot __macosx $recycle.bin lost+found".split()) | {
+    "system volume information"
+}
+
+
+def passed_over(name: str) -> bool:
+    """Whether a file or folder is hidden, or called as what systems and disks keep to themselves."""
+    return name.startswith(".") or name.casefold() in _SYSTEM
+
+
 @cache
 def _made_up() -> frozenset[int]:
     """Devices of file systems whose files are no files."""

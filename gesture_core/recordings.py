@@ -175,7 +175,7 @@ def as_recording(item: Any, source: str, fps: float) -> Recording:
     SignalError
         Those of `Recording`, and E_DTYPE for what holds no numbers.
     """
-    names = _columns(item)
+    names = columns_of(item)
     if names is None:
         values = _numbers(item, source, "the array")
         values = values[:, None] if values.ndim == 1 else values
@@ -214,7 +214,7 @@ def _by_index(index: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     return index if index.dtype.kind == "f" else otherwise
 
 
-def _columns(item: Any) -> list[Any] | None:
+def columns_of(item: Any) -> list[Any] | None:
     """The names of a frame's columns; None for what is no frame."""
     names = getattr(item, "column_names", None)  # of PyArrow, whose columns are arrays
     names = getattr(item, "columns", None) if names is None else names

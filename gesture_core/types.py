@@ -247,6 +247,8 @@ class Signals:
         The input, as the user named it.
     repaired : float
         Share of the frames in which a joint was wrong and repaired.
+    apart : int
+        Readings of channels that were left out, as far from all others.
     """
 
     values: np.ndarray
@@ -256,6 +258,7 @@ class Signals:
     present: np.ndarray | None = None
     source: str = ""
     repaired: float = 0.0
+    apart: int = 0
 
     def __post_init__(self) -> None:
         values = _single(self.values)

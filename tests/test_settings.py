@@ -50,6 +50,9 @@ def test_values_are_read_by_the_type_of_the_setting() -> None:
     assert settings.pose.model == "007"
     assert load("t_var=0.2").options["variance"]["t_var"] == 0.2
     assert load("filters=").signals.filters == ()
+    assert load("t_var=.2").options["variance"]["t_var"] == 0.2
+    assert load("gamma=2.").dtw.gamma == 2.0
+    assert load("spot.threshold=.5e-1").spot.threshold == 0.05
     assert isinstance(load("window=3").dtw.window, int)
     assert isinstance(load("window=0.5").dtw.window, float)
 

@@ -246,7 +246,9 @@ def decide(
 
 
 def _note(query: Signals) -> str:
-    """What is worth knowing of the keypoints behind a query."""
+    """What is worth knowing of the keypoints or readings behind a query."""
+    if query.apart:
+        return f"readings far from all others of their channel, left out: {query.apart} (signals.repair)"
     if query.repaired < _MANY:
         return ""
     return f"joints that jumped, or left and right, were repaired in {query.repaired:.0%} of the frames"

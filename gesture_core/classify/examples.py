@@ -104,7 +104,9 @@ def _encoded(labels: tuple[object, ...]) -> tuple[np.ndarray, np.ndarray]:
         raise InputError("labels cannot be sorted", remedy=alike, code="E_LABELS") from None
     if array.ndim != 1:
         raise InputError(
-            f"labels have shape {array.shape}, expected ({len(labels)},)", remedy="y.ravel()", code="E_LABELS"
+            f"labels have shape {array.shape}, expected ({len(labels)},)",
+            remedy="y.ravel()" if array.size == len(labels) else "one label for each example",
+            code="E_LABELS",
         )
     for index, label in enumerate(labels):
         kinds = {array.dtype.kind, np.asarray(label).dtype.kind}

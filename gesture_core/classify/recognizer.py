@@ -35,7 +35,7 @@ from gesture_core.classify.learning import ExampleWeights
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.files import printable, read_arrays, write_arrays
 from gesture_core.plugin import registry
-from gesture_core.recordings import as_recording
+from gesture_core.recordings import as_recording, columns_of
 from gesture_core.records import Prediction
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
@@ -113,7 +113,10 @@ class Recognizer:
         if not isinstance(library.series[0], Signals):
             SignalBatch.of(library.series, np.float64, name="example")
             # One precision whatever a query has, so that no row depends on the others of its batch.
-            library = replace(library, series=tuple(np.array(item, np.float64) for item in library.series))
+            # Copied by NumPy, as what a tensor copies is warned of.
+            copies = tuple(np.asarray(item).astype(np.float64) for item in library.series)
+            _warn_of_turned(copies, stacklevel + 1)
+            library = replace(library, series=copies)
         if chosen.kernel != "auto":
             registry().find("kernel", chosen.kernel)
         most = len(library.classes) if chosen.representative else len(library)
@@ -344,10 +347,28 @@ def _signals_of(item: Item, chain: Chain, name: str) -> Signals | np.ndarray:
     try:
         if chain.of_channels and not isinstance(item, PoseSequence | Recording | Signals):
             item = as_recording(item, name, chain.fps)
+        elif columns_of(item) is not None:
+            raise InputError(
+                "is a data frame, whose columns have no order that counts",
+                remedy="preset='sensors', which compares columns of one name, or frame.to_numpy()",
+                code="E_DTYPE",
+            )
         return chain(item) if isinstance(item, PoseSequence | Recording) else item
     except GestureError as error:
         error.about(name)
         raise
+
+
+def _warn_of_turned(series: Sequence[np.ndarray], stacklevel: int) -> None:
+    """Say where series seem to be (channels, frames), as other libraries have them."""
+    shapes = {item.shape for item in series}
+    shape = shapes.pop()
+    if not shapes and len(shape) == 2 and 1 < shape[0] < shape[1]:
+        warnings.warn(
+            f"every series has {shape[0]} frames of {shape[1]} channels: series are (T, D); "
+            "of (D, T), as aeon and sktime have them, give X.transpose(0, 2, 1)",
+            stacklevel=stacklevel + 1,
+        )
 
 
 def _among(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections import Counter
 from pathlib import Path
@@ -236,6 +237,12 @@ def _warnings(summary: RunSummary) -> list[str]:
     found = []
     if len(summary.classes) == 1:
         found.append("all examples have one label: every input that is near enough gets it")
+    spelled: dict[str, list[str]] = {}
+    for label in summary.classes:
+        spelled.setdefault(re.sub(r"[\s_-]+", " ", label).casefold(), []).append(label)
+    for alike in spelled.values():
+        if alike[1:]:
+            found.append(f"labels that differ only in case, spaces or dashes: {', '.join(alike)}")
     if summary.sided:
         found.append(mirroring_hint(summary.sided))
     if summary.inputs_among_examples == 1:

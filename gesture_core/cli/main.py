@@ -67,6 +67,7 @@ for _name, _help in _COMMANDS.items():
 
 _WITH_SETTINGS = {"extract": ("pose", "keypoints", "limits"), "render": ("pose", "limits"), "bench": ("dtw",)}
 """Sections whose settings have a meaning in a command that knows some alone."""
+_EMPTY = re.compile(r"--(examples|out|to)=")
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
 FLAGS_OF_EVERY_COMMAND = {"--traceback": "GESTURE_TRACEBACK", "--no-cache": "GESTURE_NO_CACHE"}
 """Flags of every command, and the variables that are the same."""
@@ -86,6 +87,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run one command; the exit code."""
     signal.signal(signal.SIGTERM, _on_sigterm)
+    if sys.stdout is None or sys.stderr is None:  # closed by the caller: files must not get their numbers
+        sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: PTH123, SIM115
+        sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: PTH123, SIM115
     for stream in (sys.stdout, sys.stderr):  # any bytes may stand in a file name
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     arguments = list(arguments)
@@ -117,6 +121,7 @@ class _Notes(logging.Handler):
 
 def _done(arguments: list[str], traced: bool) -> int:
     try:
+        _refuse_empty(arguments)
         command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
         if "sources" in bound.arguments:
             _check_sources(arguments, bound.arguments["sources"])
@@ -161,6 +166,16 @@ def _fail(text: str, code: int, traced: bool) -> int:
     text = f"{traceback.format_exc()}{text}" if traced else text
     print("\n".join(map(printable, text.split("\n"))), file=sys.stderr)
     return code
+
+
+def _refuse_empty(arguments: Sequence[str]) -> None:
+    """Refuse an empty text, as of an unset variable of the shell: it would be the working directory."""
+    for place, word in enumerate(arguments):
+        if not word or _EMPTY.fullmatch(word):
+            before = word or arguments[place - 1] if place else "an argument"
+            what = before.rstrip("=") if before.startswith("-") else "an argument"
+            remedy = 'a value; perhaps a variable of the shell is not set, as in "$DIR"'
+            raise ConfigError(f"{what} is empty", remedy=remedy, code="E_USAGE")
 
 
 def _check_sources(arguments: Sequence[str], sources: Sequence[str]) -> None:

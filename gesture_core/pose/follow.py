@@ -1,8 +1,9 @@
 """Follows one person through a video with a crop, so that a small network sees them large.
 
 The first frame is searched: the whole picture, and where nobody is found for certain, overlapping
-tiles of it. From then on a batch of frames shares one window around the body of the batch before,
-wide enough for every reach of the arms. The search is repeated where the confidence drops.
+tiles of it. A find counts where somebody is seen in other cuts around it as well. From then on a batch of
+frames shares one window around the body of the batch before, wide enough for every reach of the arms. The
+search is repeated where the confidence drops.
 
 A window is a view of the frame and an offset, so a backend needs to know nothing of it. The idea of
 cropping around the last keypoints is MoveNet's (Google 2021); here the window follows the torso, which
@@ -55,6 +56,9 @@ GAIN = 0.1
 """Confidence that a tile must add: a part of a large person may pass for a small one."""
 ZOOMS = 2
 """Times that a find is looked at again in a window of its own."""
+CUTS = (0.85, 1.0, 1.2)
+"""A find that is less than certain to be a person is looked at again in windows of these sides over its own,
+the second mirrored; somebody must be seen in each."""
 PAUSE = 16
 """Frames between two searches while nobody is found."""
 RECHECK = 250
@@ -99,6 +103,13 @@ class Window:
     def view(self, frame: np.ndarray) -> np.ndarray:
         """That part of the frame; no pixel is copied."""
         return frame[self.top : self.bottom, self.left : self.right]
+
+    def grown(self, size: float, frame_size: tuple[int, int]) -> Window:
+        """A window `size` times as wide and high around the same middle, as far as it lies in the frame."""
+        wide, high = frame_size
+        x, y = 0.5 * (size - 1) * (self.right - self.left), 0.5 * (size - 1) * (self.bottom - self.top)
+        left, top = max(round(self.left - x), 0), max(round(self.top - y), 0)
+        return Window(left, top, min(round(self.right + x), wide), min(round(self.bottom + y), high))
 
     def back(self, person: Person) -> Person:
         """A person found in `view`, in pixels of the frame."""
@@ -185,6 +196,7 @@ class Follower:
         self.searches = 0
         self._window: Window | None = None
         self._level = 0.0
+        self._known = False
         self._pause = 0
         self._since_search = 0
 
@@ -197,11 +209,11 @@ class Follower:
             uncertain = self._level < CERTAIN and self._since_search >= RECHECK
             if self._window is None or uncertain:
                 self._window = self._search(rest[0])
-            people = self._look(rest, self._window)
+            people = self._believed(rest, self._window)
             end = self._until_lost(people)
             if end == 0:  # lost in the very first frame of this window: search, and accept the result
                 self._window = self._search(rest[0])
-                people = self._look(rest, self._window)
+                people = self._believed(rest, self._window)
                 self._pause = PAUSE
                 end = len(people)
             found += people[:end]
@@ -223,6 +235,22 @@ class Follower:
     def _look(self, frames: Sequence[np.ndarray], window: Window) -> list[Person | None]:
         found = self.backend.estimate([window.view(frame) for frame in frames])
         return [window.back(people[0]) if people else None for people in found]
+
+    def _believed(self, frames: Sequence[np.ndarray], window: Window) -> list[Person | None]:
+        """What is seen in a window; nobody where nobody was known so far and other cuts show nobody."""
+        people = self._look(frames, window)
+        for i, person in enumerate(people):
+            if person and not self._known and person.presence < 1:
+                self._known = self._stands(frames[i], window)
+                people[i] = person if self._known else None
+        return people
+
+    def _stands(self, frame: np.ndarray, window: Window) -> bool:
+        """Whether somebody is seen in other cuts around a window as well."""
+        size = frame.shape[1], frame.shape[0]
+        views = [window.grown(cut, size).view(frame) for cut in CUTS]
+        views[1] = np.ascontiguousarray(views[1][:, ::-1])
+        return all(self.backend.estimate(views))
 
     def _until_lost(self, people: Sequence[Person | None]) -> int:
         """Number of leading frames in which the person is still there; all of them during a pause."""
@@ -278,24 +306,27 @@ class Follower:
                 again, better = self._zoom(frame, tiles[i])
                 if better > confidence + GAIN:
                     window, confidence = again, better
-        self._level = confidence
+        self._level, self._known = confidence, confidence > 0
         return window if confidence > 0 else whole
 
     def _zoom(self, frame: np.ndarray, window: Window) -> tuple[Window, float]:
-        """Look again at a person found in `window`, in a window of their own; the best, its confidence."""
-        best, highest = window, 0.0
+        """Look again at a person found in `window`, in a window of their own; the best, its confidence.
+
+        The confidence is 0 where other cuts of the best window show nobody.
+        """
+        best, highest, sure = window, 0.0, True
         for _ in range(ZOOMS + 1):
             person = self._look([frame], window)[0]
             confidence = self.anatomy.confidence(person)
             if confidence >= highest:
-                best, highest = window, confidence
+                best, highest, sure = window, confidence, person is None or person.presence == 1
             body = self.anatomy.body(person)
             if body is None:
                 break
             window = Window.around(body, self.size, (frame.shape[1], frame.shape[0]))
             if window == best:
                 break
-        return best, highest
+        return best, highest if sure or self._stands(frame, best) else 0.0
 
 
 def _starts(length: int, side: int) -> list[int]:

@@ -39,6 +39,8 @@ LOOKS = 3
 AGREED = 0.45
 """Median distance in torso lengths between the joints of both networks up to which they see the same body. On
 drawn shapes and clouds that BlazePose takes for a person three times it is 0.7 to 1.9, on most people 0.1."""
+BELIEVED = 0.5
+"""Probability that a person is there which the network of the search must give to that body."""
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,10 @@ class Region:
         return replace(person, keypoints=back(person.keypoints), region=region, depth=depth)
 
 
+_USUAL_GAP = 1 / 30
+"""Seconds between two frames that have the same time."""
+
+
 class OneEuro:
     """A low pass that opens with the speed of what it smooths (Casiez, Roussel and Vogel 2012).
 
@@ -125,6 +131,7 @@ class OneEuro:
     def __call__(self, time: float, values: np.ndarray, size: float) -> np.ndarray:
         """``values`` of a second, smoothed; NaN stays NaN, and what comes after it is taken as it is."""
         gap, self._time = time - self._time, time
+        gap = gap if gap > 0 else _USUAL_GAP  # a clock that stands still, or steps back, stops nothing
         speed = (values - self._raw) / size / max(gap, 1e-3)
         self._speed = self._speed + _share(_SPEED, gap) * (np.nan_to_num(speed) - self._speed)
         step = _share(self._least + self._rise * np.abs(self._speed), gap) * (values - self._smooth)
@@ -208,7 +215,7 @@ class RegionFollower:
         own = _in_coco18(person, self.backend)
         body = self._anatomy.body(own)
         other = self._finder.look_at(frame, body) if body else None
-        if body is None or other is None:
+        if body is None or other is None or other.presence < BELIEVED:
             return False
         away = np.linalg.norm(_in_coco18(other, self._finder.backend).keypoints - own.keypoints, axis=1)
         known = away[~np.isnan(away)]

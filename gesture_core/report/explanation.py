@@ -126,7 +126,7 @@ def _beside(
     if which == "query":
         lines = ["this input"]
     else:
-        what = "nearest example" if which == "nearest" else "runner-up"
+        what = "nearest" if which == "nearest" else "runner-up"
         lines = [side.label, f"{what}, at {side.distance:.3g}", side.example.rpartition("/")[2]]
         lines += ["read as the other hand"] if side.mirrored else []
     if which not in strips.pictures:

@@ -13,6 +13,7 @@ from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import replacing
 from gesture_core.report.run_rows import PageRows, read_rows
 from gesture_core.run.extract import Listener
+from gesture_core.run.results import open_results
 
 INDEX, DATA, CLIPS, DETAILS = "index.html", "data.js", "clips", "details"
 CHUNK = 40
@@ -90,7 +91,8 @@ def write_report(
     'index.html'
     """
     folder = Path(run, "report") if out is None else Path(out)
-    check_page_folder(folder)
+    with open_results(run):  # what is no run gets no folder either
+        check_page_folder(folder)
     found = read_rows(
         Path(run),
         folder / CLIPS,

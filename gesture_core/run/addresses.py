@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import GestureError, InputError, MissingDependencyError, described
-from gesture_core.files import cache_dir, content_sha256, printable, replacing
+from gesture_core.files import cache_dir, content_sha256, passed_over, printable, replacing
 
 _EXTRAS = {
     "s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs", "az": "azure", "abfs": "azure", "abfss": "azure",
@@ -152,7 +152,7 @@ def entries(source: str) -> Iterator[tuple[Path, Entry]]:
                 one for one in system.ls(here, detail=True) if one["name"].strip("/") != here.strip("/")
             ]
             named = [(str(one["name"]).rstrip("/"), one) for one in listed]
-            seen = [(name, one) for name, one in named if not name.rpartition("/")[2].startswith(".")]
+            seen = [(name, one) for name, one in named if not passed_over(name.rpartition("/")[2])]
             folders += sorted((name for name, one in seen if one["type"] == "directory"), reverse=True)
             files = {name: one for name, one in seen if one["type"] == "file"}  # an object may be both
             yield from _files(system, source, path, folder, files)

@@ -30,7 +30,7 @@ def find_inputs(places: Places, settings: Settings) -> dict[str, Input | Gesture
             remedy = "to put it back"
             found[name] = InputError(GONE, subject=name, remedy=remedy, code="E_NOT_FOUND")
         elif item.readable and (
-            item.name == name if item.address else printable(item.member) == name.partition("::")[2]
+            item.name == name if item.address else printable(item.member) == _parted(name, places[name])[1]
         ):
             found[name] = item
         else:
@@ -52,7 +52,7 @@ def look_again(places: Places, settings: Settings) -> dict[str, Input | None]:
             if is_address(name):
                 found[name] = _fetched_again(name, readers)
                 continue
-            shown, _, member = name.partition("::")
+            shown, member = _parted(name, place)
             path = Path(place or shown)
             path = Path(shown) if not exists(path) and exists(Path(shown)) else path
             if path not in looked:
@@ -60,6 +60,16 @@ def look_again(places: Places, settings: Settings) -> dict[str, Input | None]:
                 looked[path] = {printable(item.member): item for item in every if item.path == path}
             found[name] = looked[path].get(member) or looked[path].get("")
     return found
+
+
+def _parted(name: str, place: str | os.PathLike[str] | None) -> tuple[str, str]:
+    """The path in the name of an input, and the sequence in that file: either may hold ``::`` itself."""
+    parts = name.split("::")
+    for n in range(len(parts), 0, -1):
+        shown = "::".join(parts[:n])
+        if Path(shown).name == printable(Path(place).name) if place else exists(Path(shown)):
+            return shown, "::".join(parts[n:])
+    return parts[0], "::".join(parts[1:])
 
 
 def _fetched_again(name: str, readers: Readers) -> Input | None:

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
-from gesture_core.files import look_at, made_up, printable
+from gesture_core.files import look_at, made_up, passed_over, printable
 from gesture_core.records import Job
 from gesture_core.run.addresses import drop, entries, fetch, is_address, local_path, shown
-from gesture_core.run.readers import Readers
+from gesture_core.run.readers import Readers, is_text_of_series
 from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
@@ -35,8 +35,7 @@ COMPANIONS = frozenset(
 _MANIFESTS = (".txt", ".csv")
 _KEPT = 1 << 30
 """Bytes of fetched files that stay until their turn comes; further ones are fetched again."""
-_NAMED = 5
-"""Files that a message lists."""
+_NAMED = 5  # files that a message lists
 FRAMES = (
     "a video of the frames, if it is one of them (ffmpeg -framerate 25 -i %04d.jpg clip.mp4), "
     "or --preset pose, if it shows a posture"
@@ -134,9 +133,8 @@ def discover(
     Returns
     -------
     list of Input
-        Each once, sorted by name within a folder. Names that begin with a dot, and the journals of
-        runs, are passed over. A pattern that matches nothing is ``broken`` where another source holds
-        anything.
+        Each once, sorted by name within a folder. What is hidden (`files.passed_over`) and the journals
+        of runs are left out. A pattern that matches nothing is ``broken`` where another holds anything.
 
     Warns
     -----
@@ -309,7 +307,7 @@ class Walk:
         except OSError as error:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
-        entries = [e for e in entries if not e.name.startswith(".") and e.name not in OWN_FILES]
+        entries = [e for e in entries if not passed_over(e.name) and e.name not in OWN_FILES]
         files = [entry for entry in entries if entry not in folders and not self._is_video(entry)]
         self._readers.expect(files)
         reader, fault = self._readers.of(folder, {file.suffix.lower() for file in files})
@@ -349,7 +347,8 @@ class Walk:
         if self._readers.channels:
             return False
         suffix = path.suffix.lower()
-        return suffix in VIDEO_SUFFIXES or (self._readers.pictures and suffix in PICTURES)
+        named = suffix in VIDEO_SUFFIXES or (self._readers.pictures and suffix in PICTURES)
+        return named and not is_text_of_series(path)
 
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""

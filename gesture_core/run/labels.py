@@ -6,6 +6,7 @@ import glob
 import os
 import re
 import unicodedata
+import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Protocol
 
 from gesture_core.errors import ConfigError
-from gesture_core.files import printable
+from gesture_core.files import passed_over, printable
 from gesture_core.run.addresses import local_path
 from gesture_core.run.inputs import Input
 from gesture_core.run.results import DATABASE
@@ -84,7 +85,19 @@ def label_inputs(
             cause = f"no label for {item.name} by {labels!r}" + (f": {fault}" if fault else "")
             raise ConfigError(cause, remedy=remedy, code="E_LABELS")
         labelled.append(replace(item, label=label or None))
+    _warn_of_two_kinds(labelled)
     return labelled
+
+
+def _warn_of_two_kinds(items: Sequence[Input]) -> None:
+    """Say where a video and its own keypoints are two clips, which find each other."""
+    videos = {item.path.with_suffix(""): item for item in items if item.kind == "video"}
+    places = [(item.path.with_suffix(""), item) for item in items if item.kind == "keypoints"]
+    both = [(videos[place], item) for place, item in places if place in videos]
+    if both:
+        count = f"{len(both)} clips are" if both[1:] else "one clip is"
+        names = " and ".join(item.name for item in both[0])
+        warnings.warn(f"{count} there as a video and as keypoints, and count twice: {names}", stacklevel=3)
 
 
 def search_name(pattern: re.Pattern[str], item: Input) -> re.Match[str] | None:
@@ -106,7 +119,9 @@ def word(label: str) -> str:
 def _source_of(
     items: Sequence[Input], labels: str, roots: Sequence[str | os.PathLike[str]], columns: str
 ) -> Labels:
-    if labels.lower().endswith(".csv") or (labels.lower().endswith(TABLES) and Path(labels).is_file()):
+    if labels.lower().endswith(".csv") or (
+        labels.lower().endswith(TABLES) and ("(" not in labels or Path(labels).is_file())
+    ):
         from gesture_core.run.tables import LabelTable
 
         return LabelTable(Path(labels), columns, items)
@@ -120,6 +135,12 @@ def _source_of(
         pattern = re.compile(labels)
     except re.error as error:
         raise ConfigError(f"labels {labels!r} is no regular expression: {error}", code="E_LABELS") from None
+    if not pattern.groups and Path(labels).exists():
+        raise ConfigError(
+            f"labels {labels!r} is a {'folder' if Path(labels).is_dir() else 'file'}, and no table of text",
+            remedy="a table saved as CSV (UTF-8): path,label",
+            code="E_LABELS",
+        )
     if not pattern.groups:
         raise ConfigError(
             f"labels {labels!r} has no group",
@@ -254,9 +275,13 @@ class FolderLabels:
         top = {folders[0] for folders in tree}
         depth = min(map(len, tree))
         parts = _are_parts(top)
-        if not parts and not (depth > 1 and _repeats(tree, 0)):
-            return
         level = 1
+        while level + 1 < depth and len({folders[: level + 1] for folders in tree}) == 1:
+            level += 1  # one folder in another: data/v1/clips/<label>
+        seen = range(level - 1, depth - 1 if level > 1 else min(depth - 1, 1))
+        if not parts and not any(_repeats(tree, place) for place in seen):
+            _warn_of_levels(tree)
+            return
         while level + 1 < depth and (_numbered(tree, level) is not None or _repeats(tree, level)):
             level += 1
         what = (
@@ -289,7 +314,7 @@ def label_folders(items: Sequence[Input], roots: Sequence[str | os.PathLike[str]
         with suppress(OSError):  # what cannot be listed has been said by then
             for folder in root.iterdir():
                 own = (folder / DATABASE).exists() or folder.resolve() == avoid.resolve()
-                if folder.is_dir() and not own and not folder.name.startswith("."):
+                if folder.is_dir() and not own and not passed_over(folder.name):
                     found.add(folder.name)
     return found
 
@@ -331,6 +356,17 @@ def _numbered(tree: Sequence[Folders], level: int) -> str | None:
     stems = {_NUMBER.sub("", name).casefold() for name in names}
     alike = len(stems) == 1 and all(any(letter.isdigit() for letter in name) for name in names)
     return stems.pop() if alike else None
+
+
+def _warn_of_levels(tree: Sequence[Folders]) -> None:
+    """Say where some labels hold clips, and others nothing but folders that may be labels as well."""
+    plain = {folders[0] for folders in tree if len(folders) == 1}
+    for name in {folders[0] for folders in tree} - plain if plain else ():
+        below = [folders for folders in tree if folders[0] == name]
+        if len({folders[1] for folders in below}) > 1 and _numbered(below, 1) is None:
+            inside = _listed({folders[1] for folders in below})
+            text = f"{printable(name)} holds the folders {inside}, where other labels hold clips: "
+            warnings.warn(f"{text}if these are labels, --labels folder:-1", stacklevel=5)
 
 
 def _repeats(tree: Sequence[Folders], level: int) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -114,6 +115,10 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         settings (E_CONFIG_CHANGED). The results are as they were.
     """
     settings, shard = request.settings, None
+    if request.spot:
+        from gesture_core.spot.signals import refuse_channels
+
+        refuse_channels(settings)
     if request.shard:
         from gesture_core.run.shards import Shard
 
@@ -200,11 +205,20 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
         )
     labelled = label_inputs(found, request.labels, request.examples, request.label_columns)
     # What nobody reads is a lost example where it has a label; without one it was never meant as any.
-    return [
+    meant = [
         item
         for item in labelled
         if item.kind != "other" or (item.label and item.path.suffix.lower() not in COMPANIONS)
     ]
+    clips = {item.path.with_suffix("") for item in meant if item.kind != "other"}
+    beside = {
+        item.key: item.name for item in meant if item.kind == "other" and item.path.with_suffix("") in clips
+    }
+    if beside:
+        first = next(iter(beside.values()))
+        text = f"no examples, but files beside clips of their names: {len(beside)}, as {first}"
+        warnings.warn(text, stacklevel=3)
+    return [item for item in meant if item.key not in beside]
 
 
 def _check_enough(settings: Settings, examples: Sequence[Input]) -> None:

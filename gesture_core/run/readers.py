@@ -132,6 +132,8 @@ class Readers:
         if near:
             return f"no reader takes it, not {' nor '.join(reader.name for reader in near)}"
         known = _OTHERS.get(path.suffix.lower())
+        if self._is_series(path):
+            known = "series of channels, which --preset sensors reads"
         names = "acc_x, acc_y" if self.channels else "nose_x, nose_y"
         but = f", but {known.format(names=names)}" if known else ""
         if self.channels:
@@ -158,6 +160,15 @@ class Readers:
         task = {"reader": reader.name, "paths": [encoded(path) for path in paths]}
         answers = self._assistant.ask("accepts", task, retry=retry)
         return [answer if isinstance(answer, bool) else (answer[0], answer[1]) for answer in answers]
+
+
+def is_text_of_series(path: Path) -> bool:
+    """Whether a ``.ts`` is the text of the UEA archive and no video, which is called so as well."""
+    if path.suffix.lower() != ".ts" or not path.is_file():
+        return False
+    with suppress(OSError), path.open("rb") as file:
+        return file.read(1) in (b"#", b"@")
+    return False
 
 
 def _may_take(reader: Registration, path: Path, inside: Set[str] | None = None) -> bool:

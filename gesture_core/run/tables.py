@@ -9,11 +9,12 @@ import re
 import unicodedata
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import dropwhile
 from pathlib import Path, PurePosixPath
 
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import printable
-from gesture_core.run.inputs import Input
+from gesture_core.run.inputs import VIDEO_SUFFIXES, Input
 
 NO_TEXT, SAVE_AS_TEXT = "is not text in UTF-8", "saving it as UTF-8"
 _PATHS = ("path", "input", "file", "video")
@@ -93,6 +94,7 @@ def read_labels(path: Path, columns: str = "") -> tuple[list[tuple[str, str]], b
     """
     try:
         lines = [line for line in _lines(path, ends=True) if line.strip()]
+        lines = list(dropwhile(lambda line: line.startswith("#"), lines))
         if not lines:
             raise ConfigError("is empty", subject=str(path), remedy="path,label", code="E_LABELS")
         cells, mark = _headings(lines)
@@ -235,7 +237,7 @@ class LabelTable:
         self._exact: dict[str, str] = {}
         self._ends: dict[Parts, set[str]] = {}
         self._loose: dict[Parts, set[str]] = {}
-        self._written: dict[str, str] = {}
+        self._lines: list[tuple[str, Parts]] = []
         for text, label in entries:
             self._add(text, label)
         if not any(label for _, label in entries):
@@ -252,11 +254,15 @@ class LabelTable:
                 code="E_LABELS",
             )
         self._refuse_shared(items)
+        self._warn_of_others(items)
         if loose := sum(
             found is not None and found[1] != () and found[1] not in self._ends
             for found in self._labels.values()
         ):
-            text = f"{path}: {loose} of {len(items)} inputs were found by the end of a path that is not here"
+            text = (
+                f"{path}: {loose} of {len(items)} inputs were found by the end of a path that is not here, "
+            )
+            text += "or of a video of their name"
             warnings.warn(text, stacklevel=2)
 
     def __call__(self, item: Input) -> str | None:
@@ -283,11 +289,19 @@ class LabelTable:
         self._exact[spelled] = known or label
         written = unicodedata.normalize("NFC", text.replace("\\", "/"))
         parts = tuple(part for part in PurePosixPath(written).parts if part not in ("/", "."))
+        if label and parts:
+            self._lines.append((text, parts))
         if label and parts and ".." not in parts:
-            elsewhere = written.startswith("/") or _DRIVE.match(text) is not None
+            elsewhere = written.startswith("/") or _DRIVE.match(text) is not None or "://" in text
             self._ends.setdefault(parts, set()).add(label)
             for start in range(1, len(parts)) if elsewhere else ():
                 self._loose.setdefault(parts[start:], set()).add(label)
+            stem, _, suffix = parts[-1].rpartition(".")
+            if (
+                stem and f".{suffix.lower()}" in VIDEO_SUFFIXES
+            ):  # a list of videos, of which here are keypoints
+                for start in range(len(parts) if elsewhere else 1):
+                    self._loose.setdefault((*parts[start:-1], stem), set()).add(label)
 
     def _find(self, item: Input) -> tuple[str, Parts] | None:
         """The label of an input, and by which end of its path it was found; none where it is the path."""
@@ -321,6 +335,20 @@ class LabelTable:
                     remedy="paths with their folders in the table",
                     code="E_LABELS",
                 )
+
+    def _warn_of_others(self, items: Sequence[Input]) -> None:
+        """Say of lines that none of ``items`` is about: a clip may be missing, or be spelled otherwise."""
+        here = {_spelling(item.path) for item in items}
+        ends = {found[1] for found in self._labels.values() if found}
+        lost = [
+            text
+            for text, parts in self._lines
+            if _spelling(place(self._folder, text)) not in here
+            and not any((*parts[n:-1], name) in ends for n in range(len(parts)) for name in _names(parts[-1]))
+        ]
+        if lost and all(self._labels[item.key] for item in items if item.readable):
+            text = f"{self._path}: {len(lost)} of {len(self._lines)} lines are about no input here"
+            warnings.warn(f"{text}, the first is {printable(lost[0])}", stacklevel=2)
 
     def _contradiction(self, name: str, one: str, other: str) -> InputError:
         return InputError(

@@ -286,12 +286,16 @@ def _elsewhere(name: str, known: Sequence[str], section: str) -> str:
     return near(f"{section}.{name}", [f"{section}.{other}" for other in alike])
 
 
+_SHORT_NUMBER = re.compile(r"[+-]?(\.\d+|\d+\.)(e[+-]?\d+)?", re.IGNORECASE)
+"""A number that TOML wants a zero of: .05 or 5."""
+
+
 def _toml_value(value: Any) -> Any:
     """A text as the TOML value that it spells, or as itself."""
     try:
         return tomllib.loads(f"v = {value}")["v"] if isinstance(value, str) else value
     except tomllib.TOMLDecodeError:
-        return value
+        return float(value) if _SHORT_NUMBER.fullmatch(value) else value
 
 
 def _read(key: str, value: Any, hint: Any, origin: str) -> Any:

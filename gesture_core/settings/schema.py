@@ -98,10 +98,11 @@ class SignalSettings(_Section):
     ----------
     input : "keypoints" or "channels"
         What inputs and examples are: people, in videos and keypoint files; or the channels of sensors and
-        other series, which have no joints, so that ``repair`` and ``normalizer`` do nothing.
+        other series, which have no joints, so that ``normalizer`` does nothing.
     repair : bool
         Take out joints that jump and come back, and exchange left and right where the frames before and
-        after say that they are confused; of keypoints in two dimensions.
+        after say that they are confused; of keypoints in two dimensions. Of channels: leave out readings that
+        are far from all others, at most two in a row, as of a sensor that fails for a moment.
     max_gap : float
         Seconds of a missing joint that are interpolated; a joint with a longer gap inside keeps
         its nearest values only if it was seen in ``min_seen`` of the frames.

@@ -12,7 +12,7 @@ from gesture_core.errors import ConfigError, GestureError, InputError, PluginErr
 from gesture_core.plugin.abilities import WholeBody
 from gesture_core.plugin.registry import calling, name_of, registry
 from gesture_core.signals.gaps import GapRule, fill_gaps, require_pose
-from gesture_core.signals.repair import repaired
+from gesture_core.signals.repair import readings_apart, repaired
 from gesture_core.signals.turns import without_jumps
 from gesture_core.skeletons import COCO18, skeleton
 from gesture_core.types import PoseSequence, Recording, Signals
@@ -152,7 +152,7 @@ class Chain:
         """The signals before selection and filters: every channel in body units, gaps filled."""
         if self.normalizer is None or isinstance(pose, Recording):
             if self.normalizer is None and isinstance(pose, Recording):
-                return _dense(pose, self.gaps)
+                return _dense(pose, self.gaps, repair=self.repair)
             raise _other_kind(pose)
         name = self.skeleton
         if name != COCO18.name:  # joints that are not compared need no repair
@@ -199,7 +199,7 @@ def _other_kind(item: PoseSequence | Recording) -> InputError:
     return InputError(cause, subject=item.source, remedy=remedy, code="E_MIXED")
 
 
-def _dense(recording: Recording, rule: GapRule) -> Signals:
+def _dense(recording: Recording, rule: GapRule, *, repair: bool) -> Signals:
     """The channels in the order of their names, from the first to the last sample, gaps filled."""
     there = np.flatnonzero(recording.seen.any(axis=1))
     if len(there) < max(rule.min_frames, 1):
@@ -213,7 +213,8 @@ def _dense(recording: Recording, rule: GapRule) -> Signals:
     order = np.argsort(recording.channels)
     times = recording.times[whole]
     given = recording.values[whole].astype(np.float64)
-    given = without_jumps(given, recording.channels)[:, order, None]
+    apart = readings_apart(given) if repair else np.zeros(given.shape, bool)
+    given = without_jumps(np.where(apart, np.nan, given), recording.channels)[:, order, None]
     values, present = fill_gaps(given, times, rule)
     if not present.any():
         raise PoseError(
@@ -224,7 +225,12 @@ def _dense(recording: Recording, rule: GapRule) -> Signals:
         )
     names = tuple(recording.channels[i] for i in order)
     return Signals(
-        np.where(present, values[..., 0], 0), times, names, present=present, source=recording.source
+        np.where(present, values[..., 0], 0),
+        times,
+        names,
+        present=present,
+        source=recording.source,
+        apart=int(apart.sum()),
     )
 
 

@@ -10,6 +10,7 @@ network). A sequence in which nothing is wrong passes bit by bit.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -49,11 +50,40 @@ _RUN = 8
 _ROUNDING = 1e-3
 
 
+_APART = 20.0
+"""Times as far from the median of its channel as all but `_FEW` of the others."""
+_FEW = 0.02
+
+
 class Repair(NamedTuple):
     """A sequence and in how many of its frames something was repaired."""
 
     pose: PoseSequence
     frames: int
+
+
+def readings_apart(values: np.ndarray) -> np.ndarray:
+    """Which (T, D) readings of channels, NaN where missing, a sensor did not mean: a full scale, a lost bit.
+
+    They are far from all others of their channel, and at most two in a row: what three show is a movement. A
+    channel whose other readings are all the same tells nothing.
+    """
+    with np.errstate(invalid="ignore"):
+        away = np.abs(values - _medians(values))
+    away = np.where(np.isfinite(away), away, 0)
+    usual = np.sort(away, axis=0)[-(max(1, int(_FEW * len(away))) + 1) :][0]
+    apart: np.ndarray = (away > _APART * usual) & (usual > 0)
+    middle = apart[1:-1] & apart[:-2] & apart[2:]
+    apart &= ~middle.any(axis=0)
+    return apart
+
+
+def _medians(values: np.ndarray) -> np.ndarray:
+    """(D,) medians of what is there, NaN where nothing is."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        found: np.ndarray = np.nanmedian(values, axis=0)
+    return found
 
 
 def repaired(pose: PoseSequence) -> Repair:

@@ -14,17 +14,22 @@ from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence
 
 
-def stream_chain(settings: Settings) -> Chain:
-    """The chain of ``settings`` for recordings: their filters, and nothing that needs a whole clip.
-
-    What stands still has signals as well, as most of a long recording does.
-    """
+def refuse_channels(settings: Settings) -> None:
+    """Raise E_OPTION where inputs are recordings of channels, before any is looked at."""
     if settings.signals.input == "channels":
         raise ConfigError(
             "signals.input = channels: events are found in the movements of people alone",
             remedy="gesture classify, with a file for each movement",
             code="E_OPTION",
         )
+
+
+def stream_chain(settings: Settings) -> Chain:
+    """The chain of ``settings`` for recordings: their filters, and nothing that needs a whole clip.
+
+    What stands still has signals as well, as most of a long recording does.
+    """
+    refuse_channels(settings)
     chosen = replace(settings.signals, filters=settings.spot.chain or settings.signals.filters)
     chain = Chain.from_settings(replace(settings, signals=chosen))
     normalizer = chain.normalizer

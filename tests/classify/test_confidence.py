@@ -56,6 +56,8 @@ def test_what_is_less_likely_than_the_limit_gets_no_label(neighbors: int, tmp_pa
     np.testing.assert_array_equal(chances, model.predict_proba(asked).max(axis=1))
     assert 0 < (chances < 0.8).sum() < len(asked)
     found = model.predictions(asked)
+    assert [one.confidence for one in found] == pytest.approx(chances.tolist(), abs=1e-6)
+    assert all(one.confidence is None for one in plain.predictions(asked)), "none that was not calibrated"
     assert [one.label is None for one in found] == (chances < 0.8).tolist()
     assert (model.predict(asked) == -1).tolist() == (chances < 0.8).tolist()
     for one in found:

@@ -520,3 +520,25 @@ def test_another_number_of_neighbours_waits_for_the_next_fit() -> None:
     before = model.predictions(poses)
     assert model.set_params(n_neighbors=3).predictions(poses) == before
     assert model.fit(poses, labels).weights_ is None
+
+
+def test_columns_and_axes_in_another_order_are_no_silent_matter() -> None:
+    class Frame:  # as far as one of pandas or polars is looked at
+        columns = ("x", "y", "z")
+
+    series = [np.outer(np.linspace(0, 1, 9), (1.0, k, -k)) for k in range(4)]
+    classifier = GestureClassifier(kernel="numpy").fit(series, [0, 1] * 2)
+    with pytest.raises(InputError, match=r"sequence 0: is a data frame.*preset='sensors'"):
+        classifier.predict([Frame()])  # type: ignore[list-item]
+    with pytest.warns(UserWarning, match=r"3 frames of 9 channels.*X\.transpose\(0, 2, 1\)"):
+        GestureClassifier(kernel="numpy").fit([item.T for item in series], [0, 1] * 2)
+
+
+def test_examples_are_taken_in_their_order_and_not_by_an_index() -> None:
+    class Shuffled(list[np.ndarray]):  # as a Series, whose item 0 is what has that index
+        def __getitem__(self, index: object) -> np.ndarray:  # type: ignore[override]
+            raise KeyError(index)
+
+    series = Shuffled([np.linspace(0, end, 9)[:, None] for end in (1, -1)])
+    classifier = GestureClassifier(kernel="numpy", n_neighbors=1).fit(series, ["up", "down"])
+    assert classifier.predict(series).tolist() == ["up", "down"]

@@ -127,6 +127,10 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
     [
         (["classify"], 2, "SOURCES is missing; try: gesture classify --help"),
         ([*CLASSIFY, "--labels"], 2, "--labels needs a value"),
+        (["classify", "", "--examples", "{examples}", "--out", "{out}"], 2, "an argument is empty; try:"),
+        (["classify", "{videos}", "--examples", "", "--out", "{out}"], 2, "--examples is empty; try:"),
+        (["classify", "{videos}", "--examples", "{examples}", "--out="], 2, "--out is empty; try: a value"),
+        (["report", "{examples}"], 2, "holds no run"),
         (["nonsense"], 2, "try: gesture --help"),
         (["extrct"], 2, 'try: "extract", or gesture --help'),
         (["models", "lst"], 2, "lst is not understood here; try: gesture models --help"),
@@ -192,6 +196,7 @@ def test_mistakes_exit_with_two_and_say_what_would_be_right(
     said = capsys.readouterr()
     assert hint in said.err and not said.out
     assert list(tmp_path.iterdir()) == [], "a mistake leaves nothing behind"
+    assert not (drawn.example_keypoints / "report").exists()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
@@ -205,6 +210,19 @@ def test_a_closed_pipe_ends_quietly(run: Path, words: str) -> None:
     finally:
         os.close(pipe)
     assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="descriptors of POSIX")
+def test_a_closed_output_is_no_error() -> None:
+    for closed in (1, 2):
+        command = [
+            "sh",
+            "-c",
+            f'exec "$0" -m gesture_core settings classify.mirror {closed}>&-',
+            sys.executable,
+        ]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "") and bool(done.stdout) == (closed == 2)
 
 
 def test_a_plugin_shows_its_options_as_they_would_be_set(capsys: pytest.CaptureFixture[str]) -> None:

@@ -63,6 +63,8 @@ def test_one_label_is_no_choice(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
     assert lines[-1] == "1 input is among the examples itself: its label is no result"
     lines = said(monkeypatch, capsys, classes={"wave": 3})
     assert lines[-1] == "all examples have one label: every input that is near enough gets it"
+    lines = said(monkeypatch, capsys, classes={"wave": 3, "Wave": 1, "left-hand": 1, "left_hand": 2, "x": 1})
+    assert lines[-2].endswith("spaces or dashes: wave, Wave") and lines[-1].endswith(": left-hand, left_hand")
     assert len(said(monkeypatch, capsys)) == 1, "keypoints alone have no labels"
 
 

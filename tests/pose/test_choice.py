@@ -76,7 +76,7 @@ def test_auto_takes_a_network_that_what_is_named_can_run(changes: dict[str, str]
 def test_it_is_said_and_recorded(models: Path) -> None:
     text = described(choose_pose(settings()))
     assert text.startswith(
-        "compact on onnx (cpu), about 331 frames/s a core; 'gesture models get blazepose' brings"
+        "compact on onnx (cpu), about 172 frames/s a core; 'gesture models get blazepose' brings"
     )
     before = pose_identity(settings(), [VIDEO])["video"]
     put(models, "blazepose", ".tflite")

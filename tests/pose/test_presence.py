@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +15,10 @@ from gesture_core.plugin import registry
 from gesture_core.pose.contract import ModelContract
 from gesture_core.pose.decode import decode
 from gesture_core.pose.extract import extract_poses
+from gesture_core.pose.follow import Follower
 from gesture_core.pose.models import find_model
 from gesture_core.pose.network import NetworkBackend
+from gesture_core.types import Person
 
 GREY = np.full((96, 96, 3), 96, np.uint8)
 
@@ -78,3 +81,39 @@ def test_a_network_that_tells_people_apart_says_whether_others_are_there() -> No
     assert (alone.others, both.others) == (0, 1)
     ((unknown,),) = decode([maps[:, :19]], contract, (256, 256), "single", 0.1)
     assert unknown.others == 0
+
+
+class Fickle:
+    """Sees a person in every view, or in the ``luckily``-th one alone, less than certain that it is one."""
+
+    name, skeleton, batch_size = "fickle", "coco18", 4
+
+    def __init__(self, luckily: int = 0) -> None:
+        self.luckily, self.looks = luckily, 0
+
+    def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
+        found = []
+        for frame in frames:
+            self.looks += 1
+            points = (FIGURE * 0.4 + 0.3) * (frame.shape[1], frame.shape[0])
+            person = Person(points.astype(np.float32), np.ones(18, np.float32), presence=0.9)
+            found.append([person] if self.luckily in (0, self.looks) else [])
+        return found
+
+
+def test_who_is_seen_in_one_cut_alone_is_nobody() -> None:
+    film = [(i / 10, np.zeros((240, 320, 3), np.uint8)) for i in range(8)]
+    assert all(Follower(Fickle()).estimate(film))
+    for luckily in (1, 2, 5, 9):  # in the whole picture, in its middle, in a tile
+        assert not any(Follower(Fickle(luckily)).estimate(film))
+
+
+def test_a_chance_find_among_frames_of_nobody_is_nobody() -> None:
+    film = [(i / 10, np.zeros((240, 320, 3), np.uint8)) for i in range(8)]
+    backend = Fickle(-1)
+    follower = Follower(backend)
+    assert not any(follower.estimate(film))
+    backend.luckily = backend.looks + 3
+    assert not any(follower.estimate(film))
+    backend.luckily = 0
+    assert all(follower.estimate(film))

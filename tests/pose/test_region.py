@@ -145,13 +145,13 @@ class Seeing:
 class Finding:
     """Finds the figure; in a picture without one, a body somewhere else than the other one."""
 
-    skeleton, batch_size = "coco18", 8
+    skeleton, batch_size, presence = "coco18", 8, 1.0
 
     def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
         nobody = np.zeros((64, 64, 3), np.uint8)
         nobody[20, 20, 2] = nobody[50, 20, 0] = 255
         found = [figure(view if view.any() else nobody, COCO18) for view in frames]
-        return [[Person(points, np.ones(18))] for points in found]
+        return [[Person(points, np.ones(18), presence=self.presence)] for points in found]
 
 
 EMPTY = np.zeros((240, 320, 3), np.uint8)
@@ -181,6 +181,14 @@ def test_a_find_that_the_other_network_does_not_see_is_nobody() -> None:
     backend = Seeing()
     backend.wrong = True
     assert not any(RegionFollower(backend).estimate(film([EMPTY] * 5)))
+
+
+@pytest.mark.parametrize(("presence", "there"), [(0.1, False), (0.9, True)])
+def test_a_find_that_is_no_person_to_the_other_network_is_nobody(
+    presence: float, there: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Finding, "presence", presence)
+    assert all(RegionFollower(Seeing()).estimate(film([FRAME] * 3))) == there
 
 
 def euro(values: np.ndarray, times: np.ndarray, constants: tuple[float, float], size: float) -> np.ndarray:
@@ -214,8 +222,10 @@ def test_a_joint_that_was_missing_is_taken_as_it_is() -> None:
     rows = np.array([[1.0, 1], [np.nan, 1], [np.nan, 1], [9, 1], [9, 1]])
     found = [low_pass(0.1 * i, row, 10.0) for i, row in enumerate(rows)]
     np.testing.assert_allclose(found, rows)
-    # Two frames with one time stamp: the same place.
-    np.testing.assert_allclose(low_pass(0.4, np.array([30.0, 1]), 10.0), found[-1])
+    # A clock that stands still, or steps back, stops nothing.
+    for time in [0.4] * 20 + [0.1, 0.2]:
+        place = low_pass(time, np.array([30.0, 1]), 10.0)
+    np.testing.assert_allclose(place, (30, 1), atol=1)
 
 
 class Jittery(Seeing):

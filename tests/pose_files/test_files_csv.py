@@ -120,6 +120,14 @@ BAD_TABLES = {
         "time,nose_x,nose_y,neck_x,neck_y\n0,1,1,1,1\n33,1,1,1,1\n66,1,1,1,1\n",
         "E_KEYPOINTS_TIMES",
     ),
+    "a clock that stands": (
+        "time,nose_x,nose_y,neck_x,neck_y\n" + "".join(f"0.5,1,{n},1,1\n" for n in range(9)),
+        "E_KEYPOINTS_TIMES",
+    ),
+    "a clock of whole seconds": (
+        "time,nose_x,nose_y,neck_x,neck_y\n" + "".join(f"{n // 25},1,{n},1,1\n" for n in range(60)),
+        "E_KEYPOINTS_TIMES",
+    ),
     "header only": ("time,nose_x,nose_y,neck_x,neck_y\n", "E_KEYPOINTS_EMPTY"),
     "nobody": ("person,nose_x,nose_y,neck_x,neck_y\n,1,1,1,1\n", "E_KEYPOINTS_VALUE"),
     "blank": ("\n\n \n", "E_KEYPOINTS_EMPTY"),

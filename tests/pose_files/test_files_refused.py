@@ -26,6 +26,10 @@ REFUSED = {
     "d.pkl": (pickle.dumps({"annotations": []}), "arrays: pickles are not opened, for they can run any code"),
     "e.npy": (b"hello", "arrays: it does not begin as NumPy's files do, but with b'hello'"),
     "f.md": (b"# notes", "neither a video nor a keypoint file"),
+    "g.ts": (
+        b"# Basic\n@data\n1,2:a\n",
+        "a keypoint file, but series of channels, which --preset sensors reads",
+    ),
 }
 
 

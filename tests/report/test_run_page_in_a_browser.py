@@ -151,6 +151,16 @@ def test_many_rows_are_drawn_only_as_they_come_into_view(opened: Any) -> None:
         gesture.show();
         return [gesture.state.shown.length, document.querySelectorAll('#body tr[data-index]').length];""")
     assert drawn[0] == 10_000 and drawn[1] < 60
+    stills = "[...document.querySelectorAll('#body video')].map((one) => one.getAttribute('poster'))"
+    assert all(one.endswith(".jpg") for one in opened.execute_script(f"return {stills}"))
+    printed = opened.execute_script("""
+        gesture.show({text: gesture.rows[0].file});
+        dispatchEvent(new Event('beforeprint'));
+        const all = [gesture.state.shown.length, document.querySelectorAll('#body tr[data-index]').length];
+        dispatchEvent(new Event('afterprint'));
+        gesture.show({text: ''});
+        return all;""")
+    assert printed[0] == printed[1] > 600, "a printer has every row"
     opened.execute_script("scrollTo(0, document.body.scrollHeight)")
     wait(opened, "document.querySelector('#body tr[aria-rowindex=\"10001\"]')")
     assert opened.execute_script("return document.querySelectorAll('#body tr[data-index]').length") < 60

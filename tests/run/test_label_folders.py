@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gesture_core.errors import ConfigError
 from gesture_core.run.inputs import discover
-from gesture_core.run.labels import label_inputs
+from gesture_core.run.labels import label_folders, label_inputs
 
 GESTURES = ("circle", "clap", "wave")
 
@@ -46,6 +47,8 @@ def two(above: tuple[str, ...], below: tuple[str, ...] = GESTURES) -> tuple[str,
         (("anna/clap", "anna/wave", "ben/clap", "ben/circle"), "--labels folder:-1 for circle"),
         (two(("S01", "S02"), ("G1", "G2")), "--labels folder:-1 for G1, G2; --labels folder:0 if S01, S02"),
         (two(("anna",)), "--labels folder:-1 for circle"),
+        (two(("data/v1",)), "--labels folder:-1 for circle, clap, wave; --labels folder:0 if data"),
+        (two(two(("data/v1",), ("p1", "p2"))), "--labels folder:-1 for circle"),
         (two(("train/p1", "train/p2", "test/p3")), "--labels folder:-1 for circle"),
         (two(two(("train", "test")), ("cam1", "cam2")), "--labels folder:1 for circle"),
         (two(GESTURES, ("indoor", "outdoor")), "--labels folder:0 if circle, clap, wave"),
@@ -123,3 +126,33 @@ def test_folders_of_clips_side_by_side_that_are_no_labels_are_asked_about(
     assert labels("folder:-1", *(root / name for name in names)) == set(names)
     wanted = archive(tmp_path / "others", "take1", "wave")
     assert labels("folder", wanted / "take1", wanted / "wave") == {"take1", "wave"}
+
+
+def test_labels_on_several_levels_are_said(tmp_path: Path) -> None:
+    root = archive(tmp_path / "archive", "s1/circle", "s1/clap", "wave", "nod/take1", "nod/take2")
+    with pytest.warns(UserWarning, match="s1 holds the folders circle, clap, where other labels hold clips"):
+        assert labels("folder", root) == {"s1", "wave", "nod"}
+    assert labels("folder:-1", root) == {"circle", "clap", "wave", "take1", "take2"}
+
+
+def test_what_systems_and_disks_keep_is_no_label(tmp_path: Path) -> None:
+    kept = (
+        "@eaDir",
+        "#recycle",
+        "__MACOSX",
+        "$RECYCLE.BIN",
+        "System Volume Information",
+        "lost+found",
+        ".git",
+    )
+    root = archive(tmp_path / "archive", "wave", "clap", *kept, "wave/@eaDir", "clap/#recycle")
+    found = discover([root])
+    assert [item.path.parent.name for item in found] == ["clap"] * 2 + ["wave"] * 2
+    assert label_folders(found, [root], tmp_path / "run") == {"wave", "clap"}
+
+
+def test_a_video_and_its_keypoints_are_said_to_be_two_clips(tmp_path: Path) -> None:
+    root = archive(tmp_path / "archive", "wave", "clap")
+    np.save(root / "wave" / "1.npy", np.ones((9, 17, 3), np.float32))
+    with pytest.warns(UserWarning, match=r"one clip is there .* count twice: .*wave/1.avi and .*wave/1.npy"):
+        labels("folder", root)

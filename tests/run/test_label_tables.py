@@ -160,6 +160,7 @@ def test_a_clip_above_the_folders_of_labels_is_told_so(clips: list[Input]) -> No
         ("Id,Where,What\n1,clap/1.avi,no\n2,wave/bén 2.avi,yes\n", "WHERE, what"),
         ("no,7,clap/1.avi\nyes,8,wave/bén 2.avi\n", "3,1"),
         ("path,label,gesture\nclap/1.avi,0,no\nwave/bén 2.avi,1,yes\n", "path,gesture"),
+        ("# of June\n\n# by me\npath,label\nclap/1.avi,no\nwave/bén 2.avi,yes\n", ""),
     ],
 )
 def test_tables_of_others(clips: list[Input], tmp_path: Path, text: str, columns: str) -> None:
@@ -173,7 +174,7 @@ def test_a_table_in_another_folder_and_of_another_computer(clips: list[Input], t
     table = tmp_path / "tables" / "labels.tsv"
     table.parent.mkdir()
     assert labels(clips, table, "path\tlabel\nclap/1.avi\tno\nwave/bén 2.avi\tyes\n") == ["no", "yes"]
-    for root in ("/data/archive/", "D:\\data\\"):
+    for root in ("/data/archive/", "D:\\data\\", "https://host/data/", "file:///data/"):
         text = f"path\tlabel\n{root}clap/1.avi\tno\n{root}wave/bén 2.avi\tyes\n"
         with pytest.warns(
             UserWarning, match="2 of 2 inputs were found by the end of a path that is not here"
@@ -220,3 +221,34 @@ def test_manifests_with_separators_of_windows(clips: list[Input], tmp_path: Path
     assert [item.label for item in discover([tmp_path / "list.csv"])] == ["no"]
     (tmp_path / "list.txt").write_text("clap\\1.avi\n", newline="\r\n")
     assert len(discover([tmp_path / "list.txt"])) == 1
+
+
+def test_a_list_of_videos_is_one_of_their_keypoints(clips: list[Input], tmp_path: Path) -> None:
+    text = "path,label\nclap/1.mov,no\nwave/bén 2.mp4,yes\n"
+    with pytest.warns(UserWarning, match="2 of 2 inputs .* or of a video of their name"):
+        assert labels(clips, tmp_path / "labels.csv", text) == ["no", "yes"]
+    with pytest.raises(ConfigError, match="no line for it"):
+        labels(clips, tmp_path / "labels.csv", "path,label\nclap/1.txt,no\nwave/bén 2.txt,yes\n")
+
+
+def test_lines_about_clips_that_are_not_there_are_said(clips: list[Input], tmp_path: Path) -> None:
+    text = "path,label\nclap/1.avi,no\nwave/bén 2,yes\nwave/3.avi,yes\nwave/4.avi,yes\n"
+    with pytest.warns(UserWarning, match=r"2 of 4 lines are about no input here, the first is wave/3\.avi"):
+        assert labels(clips, tmp_path / "labels.csv", text) == ["no", "yes"]
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("labels.xlsx", "is a file, and no table of text"),
+        ("labels", "is a folder"),
+        ("no.tsv", "no such file"),
+    ],
+)
+def test_what_is_no_table_is_no_expression_either(
+    clips: list[Input], tmp_path: Path, name: str, said: str
+) -> None:
+    (tmp_path / "labels.xlsx").write_bytes(b"PK")
+    (tmp_path / "labels").mkdir()
+    with pytest.raises(ConfigError, match=said):
+        label_inputs(clips, str(tmp_path / name), [tmp_path])

@@ -79,6 +79,13 @@ def test_a_run_is_explained_from_any_folder(folder: Path, monkeypatch: pytest.Mo
     assert explain("run", "right.npz").explanation.nearest.label == "right"
 
 
+def test_two_colons_in_a_name_are_a_part_of_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder / "home")
+    shutil.move("videos/left.npz", "videos/to::the::left.npz")
+    classify("videos", "examples", "run")
+    assert explain("run", "videos/to::the::left.npz").explanation.nearest.label == "left"
+
+
 def test_an_archive_that_moved_with_its_run_is_explained_beside_it(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from gesture_core.classify.estimator import GestureClassifier
 from gesture_core.settings import load_settings
 from gesture_core.signals.chain import Chain
-from gesture_core.signals.repair import repaired
+from gesture_core.signals.repair import readings_apart, repaired
 from gesture_core.skeletons import COCO18
 from gesture_core.types import PoseSequence
 
@@ -268,3 +268,40 @@ def test_a_prediction_says_where_many_frames_were_repaired() -> None:
     few, many = classifier.predictions([pose(points["few"]), pose(points["many"])])
     assert (few.label, few.note) == ("a", "")
     assert many.label == "a" and "repaired in 15% of the frames" in many.note
+
+
+def test_a_reading_far_from_all_others_is_left_out_and_a_movement_is_not() -> None:
+    clock = np.arange(150) / 50
+    quiet = np.random.default_rng(3).normal(0, 0.02, 150)
+    whole = np.stack(
+        [np.sin(9 * clock), quiet + 9.8, np.zeros(150), quiet + np.exp(-((clock - 1) ** 2) * 900)], 1
+    )
+    assert not readings_apart(whole).any(), "a swing, gravity, a channel that stands still, a tap"
+    for value in (100.0, -1e9, 32767.0):
+        for places in ([0], [149], [30, 31], [20, 75, 110]):
+            wrong = whole.copy()
+            wrong[places, :2] = value
+            expected = np.zeros(whole.shape, bool)
+            expected[places, :2] = True
+            np.testing.assert_array_equal(readings_apart(wrong), expected)
+    wrong = whole.copy()
+    wrong[40:43, 0] = 500.0
+    assert not readings_apart(wrong)[:, 0].any(), "three in a row are a movement"
+    wrong[:, 1] = np.nan
+    assert not readings_apart(wrong)[:, 1].any() and not readings_apart(wrong[:1]).any()
+
+
+def test_one_failed_reading_does_not_decide_a_recording() -> None:
+    clock = np.arange(100) / 50
+    series = [np.stack([np.sin(f * clock), np.cos(f * clock)], 1) for f in (6, 6.2, 13, 13.4)]
+    classifier = GestureClassifier("sensors", "numpy").fit(series, ["slow", "slow", "fast", "fast"])
+    wrong = [item.copy() for item in series]
+    for item in wrong:
+        item[50] = 32767
+    assert classifier.predict(wrong).tolist() == ["slow", "slow", "fast", "fast"]
+    note = classifier.predictions(wrong)[0].note
+    assert note == "readings far from all others of their channel, left out: 2 (signals.repair)"
+    assert classifier.fit(wrong, ["slow", "slow", "fast", "fast"]).predict(series).tolist()[::3] == [
+        "slow",
+        "fast",
+    ]

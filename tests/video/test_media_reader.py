@@ -113,6 +113,7 @@ def test_pictures_are_turned_upright(
     np.testing.assert_array_equal(frames[5], np.rot90(stored[5], k=-turns))
 
 
+@pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize(
     ("matrix", "expected"),
     [
@@ -121,11 +122,21 @@ def test_pictures_are_turned_upright(
         ((0, 1, 1, 0), lambda f: f.swapaxes(0, 1)),
     ],
 )
-def test_mirrored_pictures_are_mirrored_back(clips: Path, tmp_path: Path, matrix, expected) -> None:  # type: ignore[no-untyped-def]
-    _, stored, _ = read(clips / "h264.mp4", "pyav")
+def test_mirrored_pictures_are_mirrored_back(  # type: ignore[no-untyped-def]
+    clips: Path, tmp_path: Path, reader: str, matrix, expected
+) -> None:
+    _, stored, _ = read(clips / "h264.mp4", reader)
     (tmp_path / "m.mp4").write_bytes(_with_matrix((clips / "h264.mp4").read_bytes(), *matrix))
-    _, frames, _ = read(tmp_path / "m.mp4", "pyav")
+    _, frames, _ = read(tmp_path / "m.mp4", reader)
     np.testing.assert_array_equal(frames[7], expected(stored[7]))
+
+
+def test_a_recording_that_was_broken_off_lacks_its_index(clips: Path, tmp_path: Path) -> None:
+    data = (clips / "h264.mp4").read_bytes()
+    (tmp_path / "a.mp4").write_bytes(data[: data.rindex(b"moov") - 4])
+    with pytest.raises(MediaError, match=r"has no index \(moov\)") as caught:
+        open_video(tmp_path / "a.mp4", "pyav")
+    assert caught.value.code == "E_MEDIA_BROKEN"
 
 
 @pytest.mark.parametrize("reader", READERS)

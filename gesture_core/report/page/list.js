@@ -21,7 +21,7 @@ gesture.list = (() => {
     return gesture.film(row.clip, { loop: true, preload: "none", "data-src": `clips/${row.clip}` });
   }
 
-  function line(row, place) {
+  function line(row, place, shown = clip) {
     const label = row.label ?? "no label";
     const second = [];
     if (row.status !== "ok") second.push(make("span", { class: `status ${row.status}` }, make("span", { class: "mark", "aria-hidden": "true" }), row.code || row.status));
@@ -32,7 +32,7 @@ gesture.list = (() => {
     if (answer) second.push(make("span", { class: "answer" }, answer));
     const where = [row.person ? `person ${row.person}` : "", row.event ? `${number(row.start, 2)}–${number(row.end, 2)} s` : row.end === null ? "" : `${number(row.end - row.start, 1)} s`].filter(Boolean).join(", ");
     return make("tr", { "aria-rowindex": place + 2, "aria-selected": state.chosen === row, tabindex: state.chosen === row ? "0" : "-1", "data-index": row.index, onclick: () => gesture.stage.choose(row, { open: true }) },
-      make("td", { class: "c-clip", role: "gridcell" }, clip(row)),
+      make("td", { class: "c-clip", role: "gridcell" }, shown(row)),
       make("td", { class: "c-label", role: "gridcell" }, make("span", { class: row.label === null ? "label unlabelled" : "label" }, label), make("span", { class: "second" }, ...second), make("span", { class: "narrow dim" }, row.file)),
       make("th", { class: "c-name", scope: "row" }, make("span", { class: "file", title: row.input }, row.file), make("span", { class: "second dim" }, [row.folder, where].filter(Boolean).join("  "))),
       make("td", { class: "c-sure", role: "gridcell" }, make("span", { class: "value" }, number(row[sureness])), bar(row[sureness], surest, "sure")),
@@ -118,7 +118,7 @@ gesture.list = (() => {
     drawn.clear();
     above.firstChild.style.height = below.firstChild.style.height = "0";
     state.shown.forEach((row, place) => {
-      const element = line(row, place);
+      const element = line(row, place, () => "");
       drawn.set(place, element);
       below.before(element);
     });

@@ -15,7 +15,13 @@ from typing import BinaryIO
 
 import numpy as np
 
-from gesture_core.video.integrity.iso import edit_list_fault, picture_tracks, read_fragments
+from gesture_core.video.integrity.iso import (
+    edit_list_fault,
+    has_movie_header,
+    mirrored_rotation,
+    picture_tracks,
+    read_fragments,
+)
 
 MAX_NOTES = 12
 # Containers that count in milliseconds claim 1000 frames/s where they know of none.
@@ -134,6 +140,17 @@ class Integrity:
         self.file.seek(position)
         plausible = tabled and 0 < rate <= MAX_FPS and 0 < count * _MIN_BYTES_PER_FRAME <= size
         return int(count) if plausible else None
+
+    def headless(self) -> bool:
+        """Whether a file of boxes has no movie header."""
+        return not has_movie_header(self.file)
+
+    def mirrored_rotation(self) -> float | None:
+        """As in `iso.mirrored_rotation`; the file stays where it is."""
+        position = self.file.tell()
+        found = mirrored_rotation(self.file)
+        self.file.seek(position)
+        return found
 
     def track_types(self) -> list[int]:
         """The types of a Matroska file's tracks: 1 pictures, 2 sound, 17 subtitles."""

@@ -9,6 +9,7 @@ rates that writers use.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -97,6 +98,26 @@ def picture_tracks(file: BinaryIO) -> dict[int, int]:
     except (struct.error, IndexError):
         pass  # a track that cannot be read declares nothing
     return found
+
+
+def has_movie_header(file: BinaryIO) -> bool:
+    """Whether there is a box `moov`, without which nothing says where the frames are."""
+    return any(kind == b"moov" for _, _, kind, _ in _file_boxes(file))
+
+
+def mirrored_rotation(file: BinaryIO) -> float | None:
+    """Clockwise rotation in degrees of the first track of pictures, to be mirrored after it; None where it is
+    not. The matrix of a track: ISO 14496-12, section 8.3.2.
+    """
+    try:
+        for kind, body in _boxes(_movie_header(file)):
+            if kind == b"trak" and _child(body, b"mdia", b"hdlr")[8:12] == b"vide":
+                header = _child(body, b"tkhd")
+                a, b, _, c, d = struct.unpack_from(">5i", header, 52 if header[0] == 1 else 40)
+                return math.degrees(math.atan2(b, d)) if a * d - b * c < 0 else None
+    except (struct.error, IndexError):
+        pass
+    return None
 
 
 def edit_list_fault(file: BinaryIO, track: int) -> str:

@@ -57,6 +57,8 @@ _LARGEST_NEGATIVE = 0.2
 _PERCENT = 100.0
 # Seconds from frame to frame: a gesture is over before the next frame, or these are no seconds.
 _LONGEST_STEP = 1.0
+_COARSE = 0.25
+"""Seconds between the times of a clock that several frames share, from which on it is none."""
 
 
 def by_count(options: ReadOptions) -> Mapping[int, Skeleton]:
@@ -151,8 +153,10 @@ def sequence(
         scores, note = in_unit(scores, np.where((scores > 0)[..., None], points, np.nan), source)
         notes = [*notes, note] if note else notes
     provenance = {"reader": reader}
-    remedy = "dividing milliseconds by 1000"
-    if times is None:
+    remedy = "a heading that says the unit, such as time_ms, or dividing milliseconds by 1000"
+    if times is not None:
+        _check_clock(times, source)
+    else:
         of_what = "index" if numbers is None else "frame numbers"
         times = (np.arange(len(points)) if numbers is None else numbers) / options.rate
         clock = times if clock is None else clock / options.rate
@@ -206,6 +210,22 @@ def _unused(joints: Skeleton, seen: np.ndarray, options: ReadOptions) -> list[st
     kinds = {"hands" if joint in HANDS42.joints else group_of(joint) for joint in there} & {"hands", "face"}
     unused = [kind for kind in ("hands", "face") if kind in kinds - {*options.parts}]
     return [_NOT_USED[tuple(unused)]] if unused else []
+
+
+def _check_clock(times: np.ndarray, source: str) -> None:
+    """Refuse times of one person that stand still, or go on by whole seconds only: E_KEYPOINTS_TIMES."""
+    different = np.unique(times[np.isfinite(times)])
+    coarse = (
+        len(different) == 1 or float(np.median(np.diff(different))) > _COARSE if len(different) else False
+    )
+    if len(times) > 2 * len(different) and coarse:
+        raise KeypointError(
+            f"its {len(times)} frames share {len(different)} time{'s'[len(different) == 1 :]}: "
+            "a clock that stands still, or of whole seconds",
+            subject=source,
+            remedy="finer times, or none and --set keypoints.fps=…",
+            code="E_KEYPOINTS_TIMES",
+        )
 
 
 def _check_seconds(times: np.ndarray, source: str, remedy: str) -> None:

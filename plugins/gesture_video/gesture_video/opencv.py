@@ -38,9 +38,9 @@ _OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 class OpenCvReader:
     """Decodes with the FFmpeg inside OpenCV. It has no options.
 
-    What it cannot do: see mirrored display matrices; keep the aspect of a picture that changes its size
-    half-way (OpenCV stretches it into the first size); see pixels that change their shape half-way; choose
-    among several video streams, or see the frame rate in a stream without times (it notes both); notice
+    What it cannot do: keep the aspect of a picture that changes its size half-way (stretched into the
+    first size); see pixels that change their shape half-way; choose among several video streams, or see the
+    frame rate in a stream without times (it notes both); show interlaced pictures, in some releases; notice
     damage, but for frames that are missing from a plausible count.
     """
 
@@ -73,6 +73,8 @@ class OpenCvDecoder(VideoDecoder):
         code = int(self._get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
         codec = code.to_bytes(4, "little").decode("ascii", "replace").strip("\0 ")
         height, width = first[1].shape[:2]
+        # OpenCV turns pictures that are mirrored as if they were not.
+        mirrored = self._integrity.mirrored_rotation() if self.container == "mov" else None
         return self.describe(
             width=width,
             height=height,
@@ -80,7 +82,8 @@ class OpenCvDecoder(VideoDecoder):
             declared=self._integrity.plausible_count(self._get(cv2.CAP_PROP_FRAME_COUNT), fps),
             # Of a stream without times OpenCV knows the demuxer's default only.
             rates=[] if self.container in UNTIMED else [fps],
-            rotation=self._get(cv2.CAP_PROP_ORIENTATION_META),
+            rotation=self._get(cv2.CAP_PROP_ORIENTATION_META) if mirrored is None else mirrored,
+            mirrored=mirrored is not None,
             pixel_aspect=(across, down) if across > 0 and down > 0 else (1, 1),
         )
 

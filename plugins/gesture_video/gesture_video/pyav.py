@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, BinaryIO, NoReturn, cast
 
 import numpy as np
 
-from gesture_core.errors import MissingDependencyError
+from gesture_core.errors import MediaError, MissingDependencyError
 from gesture_core.records import VideoInfo, VideoLimits
 from gesture_core.video import UNTIMED, Integrity, LazyPicture, VideoDecoder
 from gesture_video.decoder_log import DecoderLog, errors_are_logged
@@ -158,9 +158,16 @@ class PyAvDecoder(VideoDecoder):
         """Open container and decoder, with what they may cost, and choose the stream of pictures."""
         from av.video.reformatter import VideoReformatter
 
-        with self._decoder_log.call(fatal=True):
-            self._container = self._opened(self.file)
-            self.resources.callback(self._container.close)
+        try:
+            with self._decoder_log.call(fatal=True):
+                self._container = self._opened(self.file)
+                self.resources.callback(self._container.close)
+        except MediaError as error:
+            if self.container == "mov" and error.code == "E_MEDIA_BROKEN" and self._integrity.headless():
+                cause = "has no index (moov): its recording was broken off, or it is a segment of a stream"
+                remedy = "repair it with a whole video of the same camera, or join the segments"
+                raise self.error(cause, "E_MEDIA_BROKEN", remedy) from error
+            raise
         streams = self._container.streams
         if not len(streams):
             raise self.error("its container holds no stream at all", "E_MEDIA_BROKEN")
