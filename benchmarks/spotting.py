@@ -83,7 +83,9 @@ def sliding(
     durations = [item.pose.times[-1] - item.pose.times[0] for item in items]
     lengths = np.quantile(durations, _LENGTHS)
     for recording in recordings:
-        waiting = Suppression(lambda one: one.distance <= limits[one.code], settings.spot.overlap, np.inf)
+        waiting = Suppression(
+            lambda one: one.distance <= limits[one.code], settings.spot.overlap, lambda one: np.inf
+        )
         windows: list[tuple[float, float, Signals]] = []
         for span in spans(recording.pose, settings.spot.gap):
             for length in lengths:

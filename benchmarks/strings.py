@@ -20,6 +20,9 @@ _KINECT = (3, 2, 8, 9, 10, 4, 5, 6, 16, 17, 18, 12, 13, 14)
 _BEFORE, _AFTER = 1.0, 0.5
 """Seconds of an example before its action point, where a gesture is under way, and after it."""
 
+_ARMS = ("a1", "a6", "a7", "a9")
+"""Actions of UTD-MHAD that the arms alone perform; the other two move the whole body."""
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -131,6 +134,7 @@ def string_sets(shared: Path, videos: Path | None = None) -> Mapping[str, tuple[
     sets = {
         "UTD-27 strings": (strings_of(skeleton, actions), [i for i in skeleton if i.label in actions]),
         "OpenPose strings": (strings_of(openpose, four), [i for i in openpose if i.label in four]),
+        "OpenPose strings, arms": (strings_of(openpose, _ARMS), [i for i in openpose if i.label in _ARMS]),
     }
     for name, clips in {
         "body_gesture strings": landmarks,

@@ -21,7 +21,7 @@ from .store import Store
 from .train import finished, train
 
 PACKAGED = Path(__file__).parents[1] / "plugins/gesture_pose_onnx/gesture_pose_onnx/models/compact.onnx"
-STEPS = ("label", "render", "train", "export", "presence", "evaluate", "show")
+STEPS = ("label", "render", "train", "export", "presence", "quantise", "evaluate", "show")
 
 
 def track(things: Iterable[object], title: str) -> Iterator[object]:
@@ -70,6 +70,11 @@ def main() -> None:
         print(f"{args.out}: SHA-256 {export(finished(args.work, settings), args.out)}")
     if "presence" in steps:
         print(presence(args.out, args.shared, args.work, settings.seed, track))
+    if "quantise" in steps:
+        from .quantise import calibration, quantise
+
+        small = args.out.with_name("compact-int8.onnx")
+        print(f"{small}: SHA-256 {quantise(args.out, small, calibration(args.shared, settings.seed, track))}")
     if "evaluate" in steps:
         from .evaluate import evaluate
 

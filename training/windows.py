@@ -47,10 +47,13 @@ Track = Callable[[Iterable[object], str], Iterator[object]]
 """A progress bar over a list, with a title."""
 
 
-def photographed(folder: Path, backend: NetworkBackend, seed: int, track: Track) -> Iterator[Example]:
+def photographed(
+    folder: Path, backend: NetworkBackend, seed: int, track: Track, files: int = FILES
+) -> Iterator[Example]:
     """Windows of the permissively licensed pictures in a folder, with people and beside them.
 
-    ``backend`` is `compact`, which does not ask for presence; the teachers are beside ``folder``.
+    ``backend`` is `compact`, which does not ask for presence; the teachers are beside ``folder``;
+    ``files`` are the most of a collection.
     """
     rng = np.random.default_rng(seed)
     teachers = Teachers(folder.parents[1] / "models", 1)
@@ -60,18 +63,18 @@ def photographed(folder: Path, backend: NetworkBackend, seed: int, track: Track)
     chosen: list[dict[str, str]] = []
     for name, size in sizes.items():
         own = [row for row in listed if row["file"].split("/")[0] == name]
-        chosen += own[:: -(-size // FILES)]
+        chosen += own[:: -(-size // files)]
     for row in track(chosen, folder.name):
         assert isinstance(row, dict)
         for picture in _some(folder / row["file"], int(float(row["frames"] or 1))):
             yield from _of_picture(rng, picture, row, teachers, backend)
 
 
-def drawn(seed: int, track: Track) -> Iterator[Example]:
-    """Drawn pictures without anybody, whole and a tile of each."""
+def drawn(seed: int, track: Track, each: int = DRAWN) -> Iterator[Example]:
+    """Drawn pictures without anybody, whole and a tile of each; ``each`` of every kind."""
     rng = np.random.default_rng(seed)
     for kind in track(list(KINDS), "drawn"):
-        for _ in range(DRAWN):
+        for _ in range(each):
             high = int(rng.choice([180, 240, 360]))
             picture = KINDS[str(kind)](rng, high, int(high * rng.choice([1, 4 / 3, 16 / 9, 9 / 16])))
             for view in (picture, _tile(rng, picture)):

@@ -197,8 +197,10 @@ def _finer(places: np.ndarray, maps: np.ndarray) -> np.ndarray:
     inside = np.asarray(((places >= 0) & (places < (wide, high))).all(axis=1))  # NaN is not
     x, y = np.where(inside[:, None], places, 0).astype(int).T[..., None, None]
     steps = np.arange(2 * _AROUND + 1)
-    framed = np.pad(maps, ((0, 0), (_AROUND, _AROUND), (_AROUND, _AROUND)), constant_values=-np.inf)
-    heat = expit(framed[np.arange(len(maps))[:, None, None], y + steps[:, None], x + steps])
+    rows, columns = y + steps[:, None] - _AROUND, x + steps - _AROUND
+    beyond = (rows < 0) | (rows >= high) | (columns < 0) | (columns >= wide)
+    each = np.arange(len(maps))[:, None, None]
+    heat = np.where(beyond, 0, expit(maps[each, rows.clip(0, high - 1), columns.clip(0, wide - 1)]))
     total = heat.sum(axis=(1, 2))
     known = inside & (heat.max(axis=(1, 2)) >= _HEAT)
     middle = np.stack([(heat.sum(axis=axis) * steps).sum(axis=1) for axis in (1, 2)], axis=1)

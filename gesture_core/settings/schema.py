@@ -250,8 +250,9 @@ class SpotSettings(_Section):
     verify : bool
         Let the classifier decide about each event, too; where it says another label, there is none.
     patience : None or float
-        Seconds after its end in which nothing better may come before an event is reported; None waits
-        for the end of the recording, live half a second.
+        Seconds after its end in which nothing better may come before an event is reported, and besides what
+        it lacks of the usual length of its gesture; None waits for the end of the recording, live half a
+        second.
     merge : float
         Seconds between two events of a held gesture that make them one.
     gap : float

@@ -135,6 +135,13 @@ class SpottingExamples:
         """(N,) class of each of the series."""
         return np.asarray(self.codes[self.example])
 
+    def usual_seconds(self) -> np.ndarray:
+        """(C,) mean duration of the examples of each class."""
+        own = self.series[:: 1 + len(self.settings.spot.tempos)]
+        seconds = np.array([one.times[-1] - one.times[0] for one in own])
+        means: np.ndarray = np.bincount(self.codes, seconds) / np.bincount(self.codes)
+        return means
+
     def look_into(self, present: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, Subsequences]]:
         """Begin to look for the examples in a stream that has the (D,) channels ``present``.
 

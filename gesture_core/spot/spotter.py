@@ -44,7 +44,8 @@ class EventSearch:
     present : (D,) bool
         Channels that the stream has.
     patience : float or None
-        Seconds that an event waits for a better one; None for as long as there can be one.
+        Seconds that an event waits for a better one, and besides what it lacks of the usual length of its
+        gesture; None for as long as there can be one.
     judge : callable, optional
         The second stage: takes candidates, and gives back those that it agrees with, ranked.
     """
@@ -61,10 +62,15 @@ class EventSearch:
         worst = thresholds * (_SUREST if judge and examples.recognizer else 1.0)
         self._search = Search(examples, present, worst)
         self._longest = 2 * max(float(one.times[-1] - one.times[0]) for one in examples.series) + 1.0
+        usual = examples.usual_seconds()
         self._suppression = Suppression(
             lambda one: one.rank <= thresholds[one.code],
             examples.settings.spot.overlap,
-            self._longest if patience is None else patience,
+            lambda one: (
+                self._longest
+                if patience is None
+                else patience + max(0.0, float(usual[one.code]) - (one.end - one.start))
+            ),
         )
 
     def push(self, values: np.ndarray, times: np.ndarray) -> list[Candidate]:

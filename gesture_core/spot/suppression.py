@@ -22,11 +22,16 @@ class Suppression:
         Whether a candidate is near enough to its class to be an event.
     overlap : float
         Share of the shorter of two candidates by which they may overlap.
-    patience : float
+    patience : callable
         Seconds after its end in which a candidate waits for a better one.
     """
 
-    def __init__(self, allowed: Callable[[Candidate], bool], overlap: float, patience: float) -> None:
+    def __init__(
+        self,
+        allowed: Callable[[Candidate], bool],
+        overlap: float,
+        patience: Callable[[Candidate], float],
+    ) -> None:
         self._allowed, self._overlap, self._patience = allowed, overlap, patience
         self._waiting: list[Candidate] = []
         self._decided: list[tuple[Candidate, bool]] = []
@@ -42,13 +47,13 @@ class Suppression:
     def settle(self, now: float) -> list[Candidate]:
         """Events that are certain at ``now``: their patience is over, and nothing better waits over them."""
         events: list[Candidate] = []
-        while any(one.end + self._patience <= now for one in self._waiting):
+        while any(self._due(one) <= now for one in self._waiting):
             # Of equal ranks the one that ended first.
             order = sorted(self._waiting, key=lambda one: (one.rank, one.end, one.code))
             due = None
             for place, one in enumerate(order):
                 free = not any(one.overlaps(better, self._overlap) for better in order[:place])
-                if one.end + self._patience <= now and free:
+                if self._due(one) <= now and free:
                     due = one
                     break
             if due is None:
@@ -61,6 +66,9 @@ class Suppression:
             if accepted:
                 events.append(due)
         return events
+
+    def _due(self, candidate: Candidate) -> float:
+        return candidate.end + self._patience(candidate)
 
     def forget(self, before: float) -> None:
         """Drop what was decided and ended before any candidate that is still to come can begin."""

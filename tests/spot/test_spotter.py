@@ -88,6 +88,25 @@ def test_any_blocks_give_the_same_candidates(spotter: Spotter, data: st.DataObje
     assert found(cuts) == whole
 
 
+def test_a_live_event_waits_for_what_it_lacks_of_its_gesture(spotter: Spotter) -> None:
+    """Half a gesture comes before the whole one, resembles it, and must not keep it away."""
+    examples = spotter.examples
+    usual = examples.usual_seconds()
+    own = examples.series[:: 1 + len(SETTINGS.spot.tempos)]
+    for code in range(len(examples.classes)):
+        lengths = [
+            one.times[-1] - one.times[0] for one, c in zip(own, examples.codes, strict=True) if c == code
+        ]
+        np.testing.assert_allclose(usual[code], np.mean(lengths))
+    values, times = own[0].values, own[0].times
+    rest = np.repeat(values[-1:], 80, axis=0)
+    search = EventSearch(examples, np.ones(values.shape[1], bool), 0.0)
+    step = times[1] - times[0]
+    events = search.push(np.concatenate([values, rest]), times[0] + step * np.arange(len(values) + len(rest)))
+    first = min(events + search.finish(), key=lambda event: event.start)
+    assert first.code == examples.codes[0] and first.end > times[-1] - 0.25 * usual[first.code]
+
+
 def test_a_copied_example_leaves_room_for_what_is_no_copy(drawn: DemoArchive) -> None:
     poses, labels = examples_of(drawn)
     plain = load_settings(None, ["spot.tempos=", "spot.verify=false"], environment={})

@@ -12,9 +12,15 @@ def one(start: float, end: float, distance: float, code: int = 0) -> Candidate:
     return Candidate(start, end, code, distance, 0, distance)
 
 
-def settled(candidates: list[Candidate], threshold: dict[int, float], patience: float) -> list[Candidate]:
-    """As in a stream: a candidate is known when it ends."""
-    suppression = Suppression(lambda c: c.distance <= threshold[c.code], 0.3, patience)
+def settled(
+    candidates: list[Candidate], threshold: dict[int, float], patience: float, usual: float = 0.0
+) -> list[Candidate]:
+    """As in a stream: a candidate is known when it ends, and waits for what it lacks of ``usual`` besides."""
+    suppression = Suppression(
+        lambda c: c.distance <= threshold[c.code],
+        0.3,
+        lambda c: patience + max(0.0, usual - (c.end - c.start)),
+    )
     events = []
     for now in np.arange(0, 20, 0.05):
         for candidate in candidates:
@@ -41,6 +47,12 @@ def test_what_was_reported_is_not_taken_back() -> None:
     early, better = one(1, 2, 0.3), one(1.3, 2.6, 0.1)
     assert settled([early, better], {0: 1.0}, 5.0) == [better]
     assert settled([early, better], {0: 1.0}, 0.2) == [early]
+
+
+def test_half_a_gesture_waits_for_the_whole_one() -> None:
+    half, whole = one(1, 2, 0.3), one(1, 2.9, 0.2)
+    assert settled([half, whole], {0: 1.0}, 0.3, usual=2.0) == [whole]
+    assert settled([half, whole], {0: 1.0}, 0.3) == [half]
 
 
 def test_one_that_a_suppressed_candidate_overlaps_still_counts() -> None:
