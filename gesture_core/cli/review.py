@@ -54,7 +54,9 @@ def review(
 
     with Answers(run) as answers, ReviewServer(answers, port) as server:
         with progress([str(run)]) as listener:
-            done = write_report(run, previews=not no_previews, workers=workers, listener=listener)
+            done = write_report(
+                run, run / "review", previews=not no_previews, workers=workers, listener=listener
+            )
         if not done.rows:
             say(NO_ROWS)
         server.show(done.page.parent, done.labels)

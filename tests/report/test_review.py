@@ -184,7 +184,7 @@ def test_a_port_in_use_is_noticed_before_a_page_is_made(
 ) -> None:
     assert run(["review", str(classified[0]), "--port", str(server.server_port)]) == 2
     assert f"--port {server.server_port} cannot be had" in capsys.readouterr().err
-    assert not (classified[0] / "report").exists()
+    assert not (classified[0] / "review").exists()
 
 
 def test_a_label_that_no_example_has_is_an_answer(server: ReviewServer, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from fractions import Fraction
-from functools import partial
+from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NoReturn, cast
@@ -39,6 +39,15 @@ _OLDEST = 17
 _MAX_DEMUX_ERRORS = 32
 
 
+@cache
+def _version() -> str:
+    """Of PyAV, looked up once; empty where it was built from source, and then is recent."""
+    try:
+        return importlib.metadata.version("av")
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
 class PyAvReader:
     """Decodes with FFmpeg through PyAV, and counts what is damaged or lost. It has no options.
 
@@ -49,10 +58,7 @@ class PyAvReader:
     """
 
     def __init__(self) -> None:
-        try:
-            found = importlib.metadata.version("av")
-        except importlib.metadata.PackageNotFoundError:  # built from source, and then recent
-            return
+        found = _version()
         major = found.partition(".")[0]
         if major.isdigit() and int(major) < _OLDEST:
             raise MissingDependencyError(
