@@ -78,8 +78,8 @@ def readings_apart(values: np.ndarray) -> np.ndarray:
     unusual = np.pad(away > _RINGING * usual, ((1, 1), (0, 0)))
     middle = unusual[1:-1] & unusual[:-2] & unusual[2:]
     near = np.pad(middle, ((1, 1), (0, 0)))
-    moved = (apart & (near[:-2] | near[1:-1] | near[2:])).any(axis=0)
-    return apart & ~moved
+    apart &= ~(apart & (near[:-2] | near[1:-1] | near[2:])).any(axis=0)
+    return apart
 
 
 def _medians(values: np.ndarray) -> np.ndarray:
