@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import sqlite3
+from collections.abc import Sequence
+from contextlib import closing
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +24,7 @@ from gesture_core import (
 )
 from gesture_core.classify.balance import balanced
 from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.recordings import as_recording
 from gesture_core.types import Signals
 
 
@@ -56,6 +61,10 @@ def test_a_folder_of_logs_is_classified_evaluated_and_explained(logs: Path) -> N
     again = classify_archive(logs / "imu", logs / "examples", logs / "run", "sensors", engine="inline")
     assert again.done_now == 0
     assert explain(logs / "run", "turn_1").explanation.nearest.label == "turn"
+    with closing(sqlite3.connect(logs / "run" / "run.db")) as db, db:
+        db.execute("UPDATE rows SET margin = 0.123")  # as of a version that decides otherwise
+    with pytest.warns(UserWarning, match="this version decides otherwise.* and was 0.123"):
+        explain(logs / "run", "turn_1")
     result = evaluate_archive(logs / "examples", "sensors", protocol="leave-one-out", workers=1)
     assert result.accuracy == 1
     with pytest.raises(InputError, match="of channels"):
@@ -120,6 +129,26 @@ def test_the_estimator_takes_arrays_and_frames() -> None:
         named.predict([frame(imu("turn", 9)).append_column("who", pa.array(["anna"] * 60))])
 
 
+class Frame(dict[object, np.ndarray]):
+    """As one of pandas: columns by their names, and an index."""
+
+    def __init__(self, index: np.ndarray, names: Sequence[object]) -> None:
+        wave = np.sin(np.arange(len(index)))
+        super().__init__(dict.fromkeys(names, wave))
+        self.columns, self.index = list(names), index
+
+
+def test_the_index_of_a_frame_tells_its_times_and_its_columns_may_be_numbers() -> None:
+    zone = timezone(timedelta(hours=2))
+    dates = [datetime(2024, 5, 1, tzinfo=zone) + timedelta(milliseconds=10 * n) for n in range(20)]
+    for index in (np.array(dates, object), np.arange(20) / 100, 1.7e12 + 10.0 * np.arange(20)):
+        found = as_recording(Frame(index, [1, 2, "force"]), "frame", 50.0)
+        np.testing.assert_allclose(found.times, np.arange(20) / 100, atol=1e-6)
+        assert found.channels == ("1", "2", "force")
+    with pytest.raises(GestureError, match="10 s apart"):
+        as_recording(Frame(10.0 * np.arange(20), ["force"]), "milliseconds", 50.0)
+
+
 def signals(*columns: np.ndarray) -> Signals:
     values = np.stack(columns, axis=1)
     return Signals(values, np.arange(len(values)) / 10, ("acc/x", "acc/y", "force")[: len(columns)])
@@ -140,8 +169,9 @@ def test_groups_count_alike_whatever_their_units() -> None:
 def test_axes_and_frames_of_other_libraries_are_said() -> None:
     X = np.stack([imu(kind, n)[:, 1:] for kind in ("shake", "turn") for n in range(2)])
     y = ["shake", "shake", "turn", "turn"]
-    with pytest.warns(UserWarning, match=r"3 samples of 60 channels.*transpose"):
+    with pytest.warns(UserWarning, match=r"3 samples of 60 channels.*transpose") as caught:
         GestureClassifier("sensors").fit([x.T for x in X], y)
+    assert len(caught) == 1 and caught[0].filename == __file__
     with pytest.raises(InputError, match="one data frame"):
         GestureClassifier("sensors").fit(pa.table({"acc_x": [1.0, 2.0]}), ["a", "b"])
     labelled = [
@@ -171,3 +201,15 @@ def test_streams_count_alike_however_many_groups_they_have() -> None:
 
     np.testing.assert_allclose(shares(), [1, 1, 1], rtol=1e-4)
     np.testing.assert_allclose(shares("classify.weights=*@skin*=2"), [1, 1, 2], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("preset", "names"),
+    [("sensors", ("acc/x", "gyro/x", "acc/x@+1", "gyro/x@+1")), ("modern", ("wrist_x", "knee@1", "elbow@1"))],
+)
+def test_moves_in_time_and_shares_are_no_streams(preset: str, names: tuple[str, ...]) -> None:
+    values = np.random.default_rng(0).normal(size=(50, len(names)))
+    chosen = load_settings(preset, ["classify.balance=true"], environment={})
+    weights = balanced([Signals(values, np.arange(50) / 10, names)], chosen).dtw.weights
+    assert weights is not None
+    np.testing.assert_allclose(np.array(weights) * values.var(axis=0), 1, rtol=1e-4)
