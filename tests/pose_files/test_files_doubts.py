@@ -123,7 +123,7 @@ def test_a_person_who_is_twice_in_a_frame_counts_once(tmp_path: Path) -> None:
 
 def test_a_coarse_clock_is_one_person(tmp_path: Path) -> None:
     points = person()
-    rows = [[f // 3, *r] for f, r in enumerate(flat(points))]
+    rows = [[f"{f // 3 / 10:.1f}", *r] for f, r in enumerate(flat(points))]
     (pose,) = read(save(tmp_path / "k.csv", ["time", *named()], rows))
     same(pose, points)
 

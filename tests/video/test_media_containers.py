@@ -259,7 +259,7 @@ def test_opencv_stands_in_where_pyav_is_missing(clips: Path, monkeypatch: pytest
 
 
 def test_a_pyav_that_is_too_old_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.metadata, "version", lambda name: "13.1.0")
+    monkeypatch.setattr("gesture_video.pyav._version", lambda: "13.1.0")
     assert reader_name("auto") == "opencv"
     with pytest.raises(MissingDependencyError, match="av 17 or later"):
         reader_name("pyav")
