@@ -10,6 +10,8 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 _UNIT = re.compile(r"\s*[\[(]\s*(?P<unit>(?:[^\[\]()]|\([^()]*\)){1,20}?)\s*[\])]\s*$")
 _BETWEEN = r"[\s_.:-]"
 _AXIS = re.compile(rf"(?P<stem>.*?){_BETWEEN}*(?P<axis>[xyzwXYZW])")
@@ -27,11 +29,14 @@ _PER_SECOND = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e3, "msec": 1e3, "millis": 1e3,
     "us": 1e6, "µs": 1e6, "micros": 1e6, "ns": 1e9, "nanos": 1e9,
 }  # fmt: skip
-_NO_CHANNEL = re.compile(
+_NUMBER = re.compile(
     r"|index|unnamed|indexlevel|(?:sub)?frames?(?:no|number|nr|id|index)?"
     r"|(?:logging)?samples?(?:no|number|nr|id|index)?|(?:packet)?counter|seq|sequence(?:no|number)?|row|id|line"
     r"|labels?|(?:class|activity|gesture|subject|participant|user|person|session|trial)(?:s?id)?|target"
-    r"|lat|lon|lng|(?:location|gps|geo)?(?:latitude|longitude|altitude)|(?:location|gps).*"
+)
+"""What counts or labels, where it is a whole number; an index ascends besides, or it is a finger."""
+_NO_CHANNEL = re.compile(
+    r"lat|lon|lng|(?:location|gps|geo)?(?:latitude|longitude|altitude)|(?:location|gps)(?![xyz]$).*"
     r"|.*timestamp.*|.*sampletimefine|(?:.*[^a-z])?epoch|.*elapsed.*|dates?|datetime|.*uptime"
 )
 
@@ -71,17 +76,26 @@ def _time(name: str) -> tuple[str, str] | None:
     return (text, said) if _TIME.fullmatch(text) else None
 
 
-def is_channel(name: str) -> bool:
+def is_channel(name: str, values: np.ndarray) -> bool:
     """Whether a column may be a movement: it neither counts rows, nor tells times, labels, people or places.
 
     Examples
     --------
-    >>> [is_channel(name) for name in ("acc_x", "frame", "Unnamed: 0", "Subject ID", "timestamp_2")]
+    >>> import numpy as np
+    >>> [is_channel(name, np.arange(9)) for name in ("acc_x", "frame", "Unnamed: 0", "index", "timestamp_2")]
     [True, False, False, False, False]
+    >>> [is_channel(name, np.sin(np.arange(9))) for name in ("sample", "index", "location_x", "latitude")]
+    [True, True, True, False]
     """
     unit = _UNIT.search(name)
     bare = re.sub(r"[\s_.:#-]+", "", (name[: unit.start()] if unit else name).casefold())
-    return time_scale(name) is None and not _NO_CHANNEL.fullmatch(bare.rstrip("0123456789") or "")
+    word = bare.rstrip("0123456789")
+    if time_scale(name) is not None or _NO_CHANNEL.fullmatch(word):
+        return False
+    if not _NUMBER.fullmatch(word) or (bare and not word):  # columns may have numbers for names
+        return True
+    seen = values[np.isfinite(values)]
+    return bool((seen % 1 != 0).any() or (word == "index" and (np.diff(seen) <= 0).any()))
 
 
 def grouped(names: Sequence[str], groups: Mapping[str, str] | None = None) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import warnings
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any, ClassVar
 
 import numpy as np
@@ -184,7 +185,7 @@ def as_recording(item: Any, source: str, fps: float) -> Recording:
             raise SignalError(cause, subject=source, remedy="(T, D)", code="E_SIGNAL_SHAPE")
         return Recording(values, np.arange(len(values)) / fps, numbered(values.shape[1]), source)
     clock = next((name for name in names if time_scale(str(name)) is not None), None)
-    others = [name for name in names if name != clock and not is_channel(str(name))]
+    others = [name for name in names if name != clock and not _is_channel(str(name), item[name])]
     if others and len(others) + (clock is not None) < len(names):
         warnings.warn(
             f"left out, as their names say that they count or label: {', '.join(map(str, others))}; "
@@ -197,7 +198,7 @@ def as_recording(item: Any, source: str, fps: float) -> Recording:
     if clock is not None:
         times = seconds(columns.pop(str(clock)), str(clock), source)
     elif (index := getattr(item, "index", None)) is not None and getattr(index, "dtype", None) is not None:
-        times = _by_index(np.asarray(index), times)
+        times = _by_index(_moments(np.asarray(index)), times, source)
     if not columns:
         raise SignalError("holds no channel", subject=source, code="E_SIGNAL_SHAPE")
     return Recording(
@@ -205,13 +206,27 @@ def as_recording(item: Any, source: str, fps: float) -> Recording:
     )
 
 
-def _by_index(index: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+def _is_channel(name: str, column: Any) -> bool:
+    """The same of a column of a frame, where text that is called a label is no channel either."""
+    values = np.asarray(column)
+    return is_channel(name, values if values.dtype.kind in "fiub" else np.zeros(0))
+
+
+def _by_index(index: np.ndarray, otherwise: np.ndarray, source: str) -> np.ndarray:
     """The times that the index of a frame tells, in dates, durations or fractions of seconds."""
     if index.dtype.kind == "M":
         return dated(index)
     if index.dtype.kind == "m":
         return index / np.timedelta64(1, "s")
-    return index if index.dtype.kind == "f" else otherwise
+    return seconds(index, "", source) if index.dtype.kind == "f" else otherwise
+
+
+def _moments(values: np.ndarray) -> np.ndarray:
+    """Dates with a time zone, which are objects in NumPy, as dates of UTC; other values as they are."""
+    if values.dtype.kind != "O" or not all(isinstance(value, datetime) for value in values.flat):
+        return values
+    plain = [value.astimezone(UTC).replace(tzinfo=None) if value.tzinfo else value for value in values.flat]
+    return np.array(plain, "datetime64[us]")
 
 
 def columns_of(item: Any) -> list[Any] | None:
@@ -223,6 +238,7 @@ def columns_of(item: Any) -> list[Any] | None:
 
 def _numbers(item: Any, source: str, what: str) -> np.ndarray:
     values: np.ndarray = np.ma.asarray(item) if isinstance(item, np.ma.MaskedArray) else np.asarray(item)
+    values = _moments(values)
     if values.dtype.kind == "M":
         return dated(values)
     if values.dtype.kind not in "fiub":

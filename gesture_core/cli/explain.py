@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, validators
 
 from gesture_core.cli.flags import UNSAID, Whole
-from gesture_core.cli.output import check_file, counted, mirroring_hint, print_table, say
+from gesture_core.cli.output import check_file, counted, mirroring_hint, print_table, say, warnings_as_lines
 from gesture_core.errors import MissingDependencyError
 from gesture_core.files import printable
 
@@ -60,7 +60,7 @@ def explain(
     if out is not None:
         out = out if out.suffix or out.is_dir() else out.with_suffix(".png")
         check_file(out, (".png",))
-    with progress([], quiet=not sys.stderr.isatty()) as listener:
+    with progress([], quiet=not sys.stderr.isatty()) as listener, warnings_as_lines():
         found = explain_row(run, input, person, event, listener=listener)
         target = out or run / found.file_name
         check_file(target, (".png",))

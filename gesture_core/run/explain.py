@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,9 @@ from gesture_core.run.workers.decision import open_fitted
 from gesture_core.settings import Settings, settings_from_dict
 from gesture_core.signals.chain import Chain
 from gesture_core.types import PoseSequence, Signals
+
+_ALIKE = 0.001
+"""Two margins that are the same, on whatever processor they were computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +132,9 @@ def explain(
     recognizer = recognizer or _recognizer(examples, people, settings)
     distances = recognizer.distances([query])[0]
     found = explanation.explain(query, recognizer.library, distances, settings, recognizer.fitted)
+    if settings.classify.votes == 0 and row.margin is not None and abs(found.lead - row.margin) > _ALIKE:
+        said = f"the margin is {found.lead:.3g} now and was {row.margin:.3g}"
+        warnings.warn(f"this version decides otherwise than the one that made the run: {said}", stacklevel=2)
     mirrored = settings.classify.mirror is not None
     sided = sided_labels({str(label) for label in recognizer.library.labels}) if mirrored else ()
     seen = _seen(found, row, places, hashes)

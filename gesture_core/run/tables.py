@@ -17,6 +17,7 @@ from gesture_core.files import printable
 from gesture_core.run.inputs import VIDEO_SUFFIXES, Input
 
 NO_TEXT, SAVE_AS_TEXT = "is not text in UTF-8", "saving it as UTF-8"
+_REMARK = re.compile(r"#(?!\S[^,;\t]*[./])")  # #1.mp4 is a file
 _PATHS = ("path", "input", "file", "video")
 # Headings of others, where there is only one of them.
 _MORE_PATHS = frozenset(
@@ -94,7 +95,7 @@ def read_labels(path: Path, columns: str = "") -> tuple[list[tuple[str, str]], b
     """
     try:
         lines = [line for line in _lines(path, ends=True) if line.strip()]
-        lines = list(dropwhile(lambda line: line.startswith("#"), lines))
+        lines = list(dropwhile(_REMARK.match, lines))
         if not lines:
             raise ConfigError("is empty", subject=str(path), remedy="path,label", code="E_LABELS")
         cells, mark = _headings(lines)

@@ -53,6 +53,8 @@ _ROUNDING = 1e-3
 _APART = 20.0
 """Times as far from the median of its channel as all but `_FEW` of the others."""
 _FEW = 0.02
+_RINGING = 2.0
+"""Times as far as these, beside what is apart: a sensor that is hit swings, one that fails does not."""
 
 
 class Repair(NamedTuple):
@@ -65,16 +67,18 @@ class Repair(NamedTuple):
 def readings_apart(values: np.ndarray) -> np.ndarray:
     """Which (T, D) readings of channels, NaN where missing, a sensor did not mean: a full scale, a lost bit.
 
-    They are far from all others of their channel, and at most two in a row: what three show is a movement. A
-    channel whose other readings are all the same tells nothing.
+    They are far from all others of their channel, and at most two in a row: what three show is a movement, as
+    is what rings before or after. A channel whose other readings are all the same tells nothing.
     """
     with np.errstate(invalid="ignore"):
         away = np.abs(values - _medians(values))
     away = np.where(np.isfinite(away), away, 0)
     usual = np.sort(away, axis=0)[-(max(1, int(_FEW * len(away))) + 1) :][0]
     apart: np.ndarray = (away > _APART * usual) & (usual > 0)
-    middle = apart[1:-1] & apart[:-2] & apart[2:]
-    apart &= ~middle.any(axis=0)
+    unusual = np.pad(away > _RINGING * usual, ((1, 1), (0, 0)))
+    middle = unusual[1:-1] & unusual[:-2] & unusual[2:]
+    near = np.pad(middle, ((1, 1), (0, 0)))
+    apart &= ~(apart & (near[:-2] | near[1:-1] | near[2:])).any(axis=0)
     return apart
 
 

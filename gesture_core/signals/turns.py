@@ -11,10 +11,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-_CHANNEL = re.compile(r"(?:(?P<group>.*)/)?(?P<name>[^/\[]*)(?:\[(?P<unit>.*)\])?")
+_CHANNEL = re.compile(r"(?:(?P<group>[^/\[]*)/)?(?P<name>[^\[]*)(?:\[(?P<unit>.*)\])?.*", re.DOTALL)
+_STREAM = re.compile(r"@[^@]*$")
 _ANGLE = re.compile(r"(?:.*[^a-z])?(?:yaw|pitch|roll|heading|azimuth|bearing|course|euler\w*|angle)", re.I)
 _YAW = re.compile(r".*(?:Yaw|Pitch|Roll|Heading|Azimuth)")
 _TURNS = {"deg": 360.0, "degree": 360.0, "degrees": 360.0, "°": 360.0, "rad": 2 * np.pi, "radians": 2 * np.pi}
+_PAST = 0.75
+"""Of a turn that nobody says the unit of: readings before and after the jump are as far apart."""
 _ALIKE = 0.05
 """How far the length of a quaternion may be from 1."""
 _SCALARS = ("w", "0")
@@ -29,7 +32,7 @@ def without_jumps(values: np.ndarray, channels: Sequence[str]) -> np.ndarray:
     zero on the whole.
     """
     out = values.copy()
-    parts = [found.groupdict() for name in channels if (found := _CHANNEL.fullmatch(name))]
+    parts = [_CHANNEL.fullmatch(name).groupdict() for name in channels]  # type: ignore[union-attr]
     groups: dict[str, dict[str, int]] = {}
     for place, part in enumerate(parts):
         groups.setdefault(part["group"] or "", {})[part["name"]] = place
@@ -47,10 +50,12 @@ def without_jumps(values: np.ndarray, channels: Sequence[str]) -> np.ndarray:
 def _turn(part: dict[str, str | None], values: np.ndarray) -> float:
     """A whole turn in the unit of an angle, 0 of what is none."""
     turn = _TURNS.get((part["unit"] or "").casefold(), 0.0)
-    names = [name for name in (part["name"], part["group"]) if name]
+    names = [_STREAM.sub("", name) for name in (part["name"], part["group"]) if name]
     if not turn and not part["unit"] and any(_ANGLE.fullmatch(n) or _YAW.fullmatch(n) for n in names):
         seen = values[np.isfinite(values)]
-        turn = 360.0 if len(seen) and np.ptp(seen) > _TURNS["rad"] * 1.01 else _TURNS["rad"]
+        far = float(np.ptp(seen)) if len(seen) else 0.0
+        turn = 360.0 if far > _TURNS["rad"] * 1.01 else _TURNS["rad"]
+        return turn if far > _PAST * turn else 0.0  # a few degrees are no turn in radians
     return turn
 
 

@@ -141,6 +141,14 @@ def test_what_counts_is_no_channel_and_may_be_made_the_time_or_kept(tmp_path: Pa
     assert "packet/PacketCounter" in read(path, groups={"PacketCounter": "packet"}).channels
 
 
+def test_a_finger_and_a_place_in_a_room_are_channels(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("thumb,index,location_x,location_y,sample\n" + rows(*XYZ, *XYZ[:2]))
+    assert read(path).channels == ("thumb", "index", "location/x", "location/y", "sample")
+    path.write_text("index,gps_speed,label,force\n" + rows(number, XYZ[0], lambda n: n % 3, XYZ[1]))
+    assert read(path).channels == ("force",)
+
+
 def test_odd_times_and_shapes_are_noted(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     times = TIMES + 3 * (TIMES > 0.1)
@@ -152,6 +160,15 @@ def test_odd_times_and_shapes_are_noted(tmp_path: Path) -> None:
     assert "its samples are 1 s apart" in read(path).provenance["notes"]
     np.save(tmp_path / "a.npy", WAVES.T)
     assert "3 samples of 12 channels: if each row" in read(tmp_path / "a.npy").provenance["notes"]
+
+
+def test_a_clock_of_whole_seconds_is_refused_and_a_sample_a_second_is_not(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,a\n" + rows(lambda n: n // 4, XYZ[0]))
+    with pytest.raises(GestureError, match=r"its 12 samples share 3 times.*whole seconds"):
+        read(path)
+    path.write_text("time,a\n" + rows(number, XYZ[0]))
+    assert read(path).times[-1] == ROWS - 1
 
 
 def test_a_row_that_is_broken_hides_none_of_those_above(tmp_path: Path) -> None:

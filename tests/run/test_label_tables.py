@@ -11,6 +11,7 @@ import pytest
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.run.inputs import Input, discover
 from gesture_core.run.labels import label_inputs
+from gesture_core.run.tables import read_labels
 
 
 @pytest.fixture
@@ -229,6 +230,12 @@ def test_a_list_of_videos_is_one_of_their_keypoints(clips: list[Input], tmp_path
         assert labels(clips, tmp_path / "labels.csv", text) == ["no", "yes"]
     with pytest.raises(ConfigError, match="no line for it"):
         labels(clips, tmp_path / "labels.csv", "path,label\nclap/1.txt,no\nwave/bén 2.txt,yes\n")
+
+
+def test_a_remark_above_a_table_is_no_file_of_such_a_name(tmp_path: Path) -> None:
+    table = tmp_path / "labels.csv"
+    table.write_text("# made by hand, in May\n#path,label\n#1.mp4,wave\n# 2.mp4,up\n")
+    assert read_labels(table)[0] == [("#1.mp4", "wave"), ("# 2.mp4", "up")]
 
 
 def test_lines_about_clips_that_are_not_there_are_said(clips: list[Input], tmp_path: Path) -> None:

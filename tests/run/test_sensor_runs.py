@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import sqlite3
+from collections.abc import Sequence
+from contextlib import closing
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +24,7 @@ from gesture_core import (
 )
 from gesture_core.classify.balance import balanced
 from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.recordings import as_recording
 from gesture_core.types import Signals
 
 
@@ -56,6 +61,10 @@ def test_a_folder_of_logs_is_classified_evaluated_and_explained(logs: Path) -> N
     again = classify_archive(logs / "imu", logs / "examples", logs / "run", "sensors", engine="inline")
     assert again.done_now == 0
     assert explain(logs / "run", "turn_1").explanation.nearest.label == "turn"
+    with closing(sqlite3.connect(logs / "run" / "run.db")) as db, db:
+        db.execute("UPDATE rows SET margin = 0.123")  # as of a version that decides otherwise
+    with pytest.warns(UserWarning, match="this version decides otherwise.* and was 0.123"):
+        explain(logs / "run", "turn_1")
     result = evaluate_archive(logs / "examples", "sensors", protocol="leave-one-out", workers=1)
     assert result.accuracy == 1
     with pytest.raises(InputError, match="of channels"):
@@ -118,6 +127,26 @@ def test_the_estimator_takes_arrays_and_frames() -> None:
     assert named.predict([frame(imu("turn", 9))]).tolist() == ["turn"]
     with pytest.raises(GestureError, match="expected real numbers"):
         named.predict([frame(imu("turn", 9)).append_column("who", pa.array(["anna"] * 60))])
+
+
+class Frame(dict[object, np.ndarray]):
+    """As one of pandas: columns by their names, and an index."""
+
+    def __init__(self, index: np.ndarray, names: Sequence[object]) -> None:
+        wave = np.sin(np.arange(len(index)))
+        super().__init__(dict.fromkeys(names, wave))
+        self.columns, self.index = list(names), index
+
+
+def test_the_index_of_a_frame_tells_its_times_and_its_columns_may_be_numbers() -> None:
+    zone = timezone(timedelta(hours=2))
+    dates = [datetime(2024, 5, 1, tzinfo=zone) + timedelta(milliseconds=10 * n) for n in range(20)]
+    for index in (np.array(dates, object), np.arange(20) / 100, 1.7e12 + 10.0 * np.arange(20)):
+        found = as_recording(Frame(index, [1, 2, "force"]), "frame", 50.0)
+        np.testing.assert_allclose(found.times, np.arange(20) / 100, atol=1e-6)
+        assert found.channels == ("1", "2", "force")
+    with pytest.raises(GestureError, match="10 s apart"):
+        as_recording(Frame(10.0 * np.arange(20), ["force"]), "milliseconds", 50.0)
 
 
 def signals(*columns: np.ndarray) -> Signals:

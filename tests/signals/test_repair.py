@@ -291,6 +291,13 @@ def test_a_reading_far_from_all_others_is_left_out_and_a_movement_is_not() -> No
     assert not readings_apart(wrong)[:, 1].any() and not readings_apart(wrong[:1]).any()
 
 
+@pytest.mark.parametrize(("rate", "seconds"), [(25, 10), (50, 5), (200, 2)])
+def test_a_tap_that_rings_is_no_failed_reading(rate: int, seconds: int) -> None:
+    values = np.random.default_rng(1).normal(0, 0.01, (rate * seconds, 3))
+    values[50:58] += 3 * np.array([1, -0.5, 0.2, -0.1, 0.06, -0.04, 0.03, 0.02])[:, None]
+    assert not readings_apart(values).any()
+
+
 def test_one_failed_reading_does_not_decide_a_recording() -> None:
     clock = np.arange(100) / 50
     series = [np.stack([np.sin(f * clock), np.cos(f * clock)], 1) for f in (6, 6.2, 13, 13.4)]

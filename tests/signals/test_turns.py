@@ -32,6 +32,16 @@ def test_an_angle_goes_on_past_a_whole_turn(name: str, turn: float) -> None:
     np.testing.assert_array_equal(without_jumps(way[:, None], [name])[:, 0], way)
 
 
+def test_a_few_degrees_are_no_turn_in_radians_and_a_stream_says_its_angles() -> None:
+    nods = np.where(np.arange(60) % 9 < 4, -2.0, 2.0)[:, None]
+    np.testing.assert_array_equal(without_jumps(nods, ["pitch"]), nods)
+    way = 360 * (0.8 + 0.3 * T)
+    for name in ("yaw@imu", "yaw@imu[deg]", "euler@imu/z"):
+        np.testing.assert_allclose(without_jumps((way % 360)[:, None], [name])[:, 0], way, rtol=1e-9)
+    both = without_jumps(np.stack([nods[:, 0], way % 360], axis=1), ["acc[0] of the hand", "yaw"])
+    np.testing.assert_allclose(both, np.stack([nods[:, 0], way], axis=1), rtol=1e-9)
+
+
 @pytest.mark.parametrize("name", ["force", "gyro/x[deg/s]", "scroll", "intercourse/x[m]"])
 def test_what_is_no_angle_stays(name: str) -> None:
     jumps = (360 * (0.8 + 0.3 * T) % 360)[:, None]

@@ -155,7 +155,7 @@ def sequence(
     provenance = {"reader": reader}
     remedy = "a heading that says the unit, such as time_ms, or dividing milliseconds by 1000"
     if times is not None:
-        _check_clock(times, source)
+        check_clock(times, source, "frames")
     else:
         of_what = "index" if numbers is None else "frame numbers"
         times = (np.arange(len(points)) if numbers is None else numbers) / options.rate
@@ -212,15 +212,15 @@ def _unused(joints: Skeleton, seen: np.ndarray, options: ReadOptions) -> list[st
     return [_NOT_USED[tuple(unused)]] if unused else []
 
 
-def _check_clock(times: np.ndarray, source: str) -> None:
-    """Refuse times of one person that stand still, or go on by whole seconds only: E_KEYPOINTS_TIMES."""
+def check_clock(times: np.ndarray, source: str, what: str) -> None:
+    """Refuse times that stand still, or go on by whole seconds only: E_KEYPOINTS_TIMES."""
     different = np.unique(times[np.isfinite(times)])
     coarse = (
         len(different) == 1 or float(np.median(np.diff(different))) > _COARSE if len(different) else False
     )
     if len(times) > 2 * len(different) and coarse:
         raise KeypointError(
-            f"its {len(times)} frames share {len(different)} time{'s'[len(different) == 1 :]}: "
+            f"its {len(times)} {what} share {len(different)} time{'s'[len(different) == 1 :]}: "
             "a clock that stands still, or of whole seconds",
             subject=source,
             remedy="finer times, or none and --set keypoints.fps=…",

@@ -16,6 +16,7 @@ from gesture_core.plugin.reading import ReadOptions
 from gesture_core.recordings import Recording, dated, seconds
 from gesture_pose_files.arrow_table import size_of
 from gesture_pose_files.files import COPY_AGAIN, MAX_FRAMES, head_of, open_keypoints
+from gesture_pose_files.layout import check_clock
 from gesture_pose_files.npy import MAX_FILE_BYTES, read_array
 from gesture_pose_files.npz import array_in, members_of, opened
 from gesture_pose_files.reader import clip_called
@@ -178,6 +179,7 @@ class SeriesReader:
             times = seconds(given, name, source, self.per_second)
             provenance[BEGAN] = repr(float(times[0]))
             times = times - times[0]
+            check_clock(times, source, "samples")
         notes = [*notes, *_odd(values, channels), *_odd_times(times), *_odd_shape(values)]
         if notes:
             provenance["notes"] = "; ".join(notes)
@@ -224,7 +226,7 @@ class SeriesReader:
             return False
         if name.startswith("column ") and len(values) > 1:
             return bool((np.diff(values) == 1).all())
-        return not is_channel(name)
+        return not is_channel(name, values)
 
     def _text(self, path: Path, source: str) -> Recording:
         table = read_text(path, self._clock)
