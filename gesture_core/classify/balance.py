@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,6 +14,8 @@ from gesture_core.classify.comparison import Series, parts
 from gesture_core.errors import ConfigError, SignalError, near
 from gesture_core.settings import Settings
 from gesture_core.types import Signals
+
+_MOVED = re.compile(r"@[+-]\d+$")
 
 
 def balanced(series: Sequence[Series], settings: Settings) -> Settings:
@@ -37,7 +40,8 @@ def balanced(series: Sequence[Series], settings: Settings) -> Settings:
     factors = _factors(chosen.weights, list(groups))
     weights = np.zeros(len(signals[0].channels))
     spreads = [_spread(signals, columns) if chosen.balance else 1.0 for columns in groups.values()]
-    streams = [_stream(name) for name in groups]
+    # Of keypoints, what stands behind the mark is a share: ``elbow@1``.
+    streams = [_stream(name) if settings.signals.input == "channels" else "" for name in groups]
     moving = Counter(
         name for name, spread, factor in zip(streams, spreads, factors, strict=True) if spread and factor
     )
@@ -56,8 +60,11 @@ def balanced(series: Sequence[Series], settings: Settings) -> Settings:
 
 
 def _stream(group: str) -> str:
-    """The stream of a group, as a folder of files in step names it, with its kind: ``imu.velocity``."""
-    return group.partition("@")[2]
+    """The stream of a group, as a folder of files in step names it, with its kind: ``imu.velocity``.
+
+    A move in time, as of ``acc@+1``, is none.
+    """
+    return _MOVED.sub("", group).partition("@")[2]
 
 
 def _spread(signals: Sequence[Signals], columns: Sequence[int]) -> float:

@@ -136,7 +136,7 @@ def check_settings(settings: Settings) -> None:
     """
     chosen = settings.classify
     factors = {
-        "neighbors=1": not chosen.votes,
+        "neighbors=1" if chosen.classifier == "auto" else "classifier=nearest": not chosen.votes,
         "mirror=none": chosen.mirror is not None,
         "coverage=false": chosen.coverage,
         "relative=none": chosen.relative is not None,

@@ -44,7 +44,7 @@ from gesture_core.types import PoseSequence, Recording, SignalBatch, Signals
 # Examples are compared with each other in blocks of so many rows at most, and of about so many seconds.
 _MOST_ROWS, _SECONDS = 256, 2.0
 
-_FORMAT = 2
+_FORMAT = 3
 _LARGEST = 4 << 30
 """Bytes of such a file, once unpacked."""
 _LEARNED = "learned."
@@ -105,6 +105,7 @@ class Recognizer:
         if len(X) != len(y):
             raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
         check_settings(settings)
+        _warn_of_axes(X, stacklevel + 1)
         chosen = settings.classify
         library = ExampleLibrary.of(signals_of(X, settings, "example"), list(y), names)
         check_alike(library.series, "example")
@@ -115,7 +116,6 @@ class Recognizer:
             # One precision whatever a query has, so that no row depends on the others of its batch.
             # Copied by NumPy, as what a tensor copies is warned of.
             copies = tuple(np.asarray(item).astype(np.float64) for item in library.series)
-            _warn_of_turned(copies, stacklevel + 1)
             library = replace(library, series=copies)
         if chosen.kernel != "auto":
             registry().find("kernel", chosen.kernel)
@@ -303,7 +303,6 @@ def signals_of(X: Sequence[Item], settings: Settings, name: str) -> list[Signals
     if isinstance(X, str | os.PathLike):
         raise _not_loaded(X)
     _refuse_frame(X)
-    _warn_of_axes(X)
     chain = Chain.from_settings(settings)
     return [_signals_of(item, chain, f"{name} {index}") for index, item in enumerate(X)]
 
@@ -319,15 +318,15 @@ def _refuse_frame(X: Sequence[Item]) -> None:
         )
 
 
-def _warn_of_axes(X: Sequence[Item]) -> None:
+def _warn_of_axes(X: Sequence[Item], stacklevel: int) -> None:
     """Warn of arrays that may have their channels first, as those of aeon and sktime do."""
-    shapes = {np.shape(item) if isinstance(item, np.ndarray) else () for item in X}
-    if shapes and all(len(shape) == 2 and shape[0] < shape[1] for shape in shapes):
-        samples, channels = next(iter(shapes))
+    shapes = {item.shape if isinstance(item, np.ndarray) else () for item in X}
+    if shapes and all(len(shape) == 2 and 1 < shape[0] < shape[1] for shape in shapes):
+        samples, channels = min(shapes)
         warnings.warn(
             f"arrays are (samples, channels), and these have {samples} samples of {channels} channels; "
             "with channels first: X.transpose(0, 2, 1), or [one.T for one in X]",
-            stacklevel=2,
+            stacklevel=stacklevel + 1,
         )
 
 
@@ -357,18 +356,6 @@ def _signals_of(item: Item, chain: Chain, name: str) -> Signals | np.ndarray:
     except GestureError as error:
         error.about(name)
         raise
-
-
-def _warn_of_turned(series: Sequence[np.ndarray], stacklevel: int) -> None:
-    """Say where series seem to be (channels, frames), as other libraries have them."""
-    shapes = {item.shape for item in series}
-    shape = shapes.pop()
-    if not shapes and len(shape) == 2 and 1 < shape[0] < shape[1]:
-        warnings.warn(
-            f"every series has {shape[0]} frames of {shape[1]} channels: series are (T, D); "
-            "of (D, T), as aeon and sktime have them, give X.transpose(0, 2, 1)",
-            stacklevel=stacklevel + 1,
-        )
 
 
 def _among(

@@ -129,7 +129,8 @@ def test_explanations_add_up_to_what_was_compared(
 
 
 @pytest.mark.parametrize(
-    "factor", [{"neighbors": 0}, {"mirror": 1.1}, {"coverage": True}, {"relative": 1.0}, {}]
+    "factor",
+    [{"neighbors": 0}, {"classifier": "blend"}, {"mirror": 1.1}, {"coverage": True}, {"relative": 1.0}, {}],
 )
 def test_soft_distances_may_be_negative_and_take_no_factor(factor: dict[str, object]) -> None:
     settings = under(**{"neighbors": 1, **factor})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -530,8 +531,15 @@ def test_columns_and_axes_in_another_order_are_no_silent_matter() -> None:
     classifier = GestureClassifier(kernel="numpy").fit(series, [0, 1] * 2)
     with pytest.raises(InputError, match=r"sequence 0: is a data frame.*preset='sensors'"):
         classifier.predict([Frame()])  # type: ignore[list-item]
-    with pytest.warns(UserWarning, match=r"3 frames of 9 channels.*X\.transpose\(0, 2, 1\)"):
+    with pytest.warns(UserWarning, match=r"3 samples of 9 channels.*X\.transpose\(0, 2, 1\)") as caught:
         GestureClassifier(kernel="numpy").fit([item.T for item in series], [0, 1] * 2)
+    assert len(caught) == 1 and caught[0].filename == __file__
+
+
+def test_postures_are_no_turned_series() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        GestureClassifier(kernel="numpy").fit([np.eye(3)[[k]] for k in (0, 1)], ["up", "down"])
 
 
 def test_examples_are_taken_in_their_order_and_not_by_an_index() -> None:

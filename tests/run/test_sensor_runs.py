@@ -169,8 +169,9 @@ def test_groups_count_alike_whatever_their_units() -> None:
 def test_axes_and_frames_of_other_libraries_are_said() -> None:
     X = np.stack([imu(kind, n)[:, 1:] for kind in ("shake", "turn") for n in range(2)])
     y = ["shake", "shake", "turn", "turn"]
-    with pytest.warns(UserWarning, match=r"3 samples of 60 channels.*transpose"):
+    with pytest.warns(UserWarning, match=r"3 samples of 60 channels.*transpose") as caught:
         GestureClassifier("sensors").fit([x.T for x in X], y)
+    assert len(caught) == 1 and caught[0].filename == __file__
     with pytest.raises(InputError, match="one data frame"):
         GestureClassifier("sensors").fit(pa.table({"acc_x": [1.0, 2.0]}), ["a", "b"])
     labelled = [
@@ -200,3 +201,15 @@ def test_streams_count_alike_however_many_groups_they_have() -> None:
 
     np.testing.assert_allclose(shares(), [1, 1, 1], rtol=1e-4)
     np.testing.assert_allclose(shares("classify.weights=*@skin*=2"), [1, 1, 2], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("preset", "names"),
+    [("sensors", ("acc/x", "gyro/x", "acc/x@+1", "gyro/x@+1")), ("modern", ("wrist_x", "knee@1", "elbow@1"))],
+)
+def test_moves_in_time_and_shares_are_no_streams(preset: str, names: tuple[str, ...]) -> None:
+    values = np.random.default_rng(0).normal(size=(50, len(names)))
+    chosen = load_settings(preset, ["classify.balance=true"], environment={})
+    weights = balanced([Signals(values, np.arange(50) / 10, names)], chosen).dtw.weights
+    assert weights is not None
+    np.testing.assert_allclose(np.array(weights) * values.var(axis=0), 1, rtol=1e-4)
