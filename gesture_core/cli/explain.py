@@ -60,27 +60,28 @@ def explain(
     if out is not None:
         out = out if out.suffix or out.is_dir() else out.with_suffix(".png")
         check_file(out, (".png",))
-    with progress([input], quiet=not sys.stderr.isatty()) as listener, warnings_as_lines():
+    with progress([], quiet=not sys.stderr.isatty()) as listener, warnings_as_lines():
         found = explain_row(run, input, person, event, listener=listener)
-    target = out or run / found.file_name
-    check_file(target, (".png",))
-    row, missing = found.row, None
-    file, mark, member = row.input.partition("::")
-    title = f"{Path(file).name}{mark}{member}: {row.label or row.status}"
-    try:  # before anything is printed: a closed pipe must not cost it
-        with progress([input], quiet=not sys.stderr.isatty()) as listener:
+        target = out or run / found.file_name
+        check_file(target, (".png",))
+        row, missing = found.row, None
+        file, mark, member = row.input.partition("::")
+        title = f"{Path(file).name}{mark}{member}: {row.label or row.status}"
+        try:  # before anything is printed: a closed pipe must not cost it
             strips = film_strips(found, listener)
-        names = ChannelNames(found.settings, spotted=bool(row.event))
-        explanation_plot(found.explanation, title, target, names, channels, strips, _facts(row))
-    except MissingDependencyError as error:
-        missing, strips = error, None
+            names = ChannelNames(found.settings, spotted=bool(row.event))
+            explanation_plot(found.explanation, title, target, names, channels, strips, _facts(row))
+        except MissingDependencyError as error:
+            missing, strips = error, None
     _print(found.row, found.explanation, channels)
     if found.sided:
         say(mirroring_hint(found.sided))
     if missing and out:
         raise missing
-    for which, why in strips.missing.items() if strips else ():
-        say(f"no pictures of {_SHOWN[which]}: {why}")
+    reasons = strips.missing if strips else {}
+    for why in dict.fromkeys(reasons.values()):
+        *others, last = (_SHOWN[one] for one in reasons if reasons[one] == why)
+        say(f"no pictures of {' and '.join(filter(None, [', '.join(others), last]))}: {why}")
     say(f"no picture: {missing.message}" if missing else str(target))
     return 0
 

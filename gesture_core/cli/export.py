@@ -69,9 +69,12 @@ def _export(run: Path, format: str | None, to: str, said: bool = True) -> None:
         ending = target.suffix.lower().removeprefix(".") if target else ""
         names = registry().names("writer")
         if ending and not format and ending not in names:
+            if ending in FORMATS:  # what the name would be of, a file for each input, is not said by one name
+                cause = f"--to {target}: {ending} is a file for each input"
+                raise ConfigError(cause, remedy=f"--format {ending} --to FOLDER", code="E_OPTION")
             raise ConfigError(
                 f"--to {target}: no result writer is called {ending!r}",
-                remedy=f"--format with one of {', '.join(names)}",
+                remedy=f"--format with one of {', '.join([*names, *FORMATS])}",
                 code="E_OPTION",
             )
         written = export_rows(run, format or ending or "csv", target, limits)
@@ -92,9 +95,10 @@ def _export_events(run: Path, format: str, to: str, said: bool) -> None:
     from gesture_core.report.event_files import write_event_files
     from gesture_core.run.results import open_results
 
-    if to == "-":
-        raise ConfigError(f"--to - with --format {format}", remedy="--to a file or folder", code="E_OPTION")
     one = format == "activitynet"
+    if to == "-":
+        place = "FILE" if one else "FOLDER"
+        raise ConfigError(f"--to - with --format {format}", remedy=f"--to {place}", code="E_OPTION")
     target = Path(to) if to else run / ("events.json" if one else "events")
     check_file(target, flag="--to") if one else check_folder(target, flag="--to")
     with open_results(run) as results, results.failures():

@@ -44,7 +44,7 @@ _COMMANDS = {
     "merge": "Make one run of the runs of several shards.",
     "evaluate": "Measure the accuracy of a preset on a labelled archive.",
     "explain": "Show why an input of a run got its label.",
-    "export": "Write the rows of a run as CSV, Parquet or JSON lines.",
+    "export": "Write the rows of a run as a table, or its events for ELAN and as subtitles.",
     "report": "Write a page about a run: clips, certainty, alignments.",
     "review": "Look at the rows of a run and say what they are; corrections become examples.",
     "render": "Draw the keypoints that the network sees over a video.",

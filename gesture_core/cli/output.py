@@ -202,7 +202,8 @@ def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
     if what == "events":
         columns, right = ["input", "start", "end", "label", "score", "nearest example", "status"], [1, 2, 4]
     elif what == "labels":
-        columns, right = ["input", "label", "distance", "margin", "nearest example", "status"], [2, 3]
+        sure = "margin" if all(row.confidence is None for row in rows) else "confidence"  # as on the page
+        columns, right = ["input", "label", "distance", sure, "nearest example", "status"], [2, 3]
     else:
         columns = ["input", "frames", "looked at", "with a pose", "seconds", "status"]
         right = [1, 2, 3, 4]
@@ -221,7 +222,8 @@ def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
             )
             cells.append([name, start, end, row.label or "-", score, _nearest(row, clips), status])
         elif what == "labels":
-            numbers = ["" if value is None else f"{value:.3f}" for value in (row.distance, row.margin)]
+            known = (row.distance, getattr(row, sure))
+            numbers = ["" if value is None else f"{value:.3f}" for value in known]
             cells.append([name, row.label or "-", *numbers, _nearest(row, clips), status])
         else:
             counts = (row.frames_read, row.frames_looked_at, row.frames_with_pose)

@@ -57,6 +57,7 @@ class Events(Listener):
         self._named = {"sources": [*map(shown, sources)], "example_sources": [*map(shown, examples)]}
         self._stage = ""
         self._extracted: set[str] = set()
+        self._network = ""
         self._done = self._total = self._frames = 0
         self._started = self._last = time.monotonic()
 
@@ -70,7 +71,12 @@ class Events(Listener):
             self._staged()
 
     def network(self, text: str) -> None:
-        say_event("pose", network=text)
+        if text != self._network:
+            self._network = text
+            self._say_network()
+
+    def _say_network(self) -> None:
+        say_event("pose", network=self._network)
 
     def frames(self, name: str, count: int) -> None:
         self._frames += count
@@ -168,8 +174,8 @@ class Bar(Events):
         """The bar as it stands."""
         return self._bar.tasks[0]
 
-    def network(self, text: str) -> None:
-        self._bar.console.print(f"pose: {text}", markup=False, highlight=False)
+    def _say_network(self) -> None:
+        self._bar.console.print(f"pose: {self._network}", markup=False, highlight=False)
 
     def _plan(self, **counts: int | str) -> None:
         if self._total:

@@ -14,7 +14,7 @@ from cyclopts import Parameter
 
 from gesture_core.cli.flags import SEVERAL, UNSAID, Flags
 from gesture_core.cli.output import counted, named, say, say_event, warnings_as_lines
-from gesture_core.errors import ConfigError
+from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import printable
 
 if TYPE_CHECKING:
@@ -82,6 +82,7 @@ def watch(
                 Watching(source, examples, settings, labels, as_live, listener, on_frame)
             )
         show.note(f"{watching.name}: watching for {named(watching.gestures)}; Ctrl-C ends it")
+        begun = True
         try:
             for found in watching:
                 if isinstance(found, Seen):
@@ -91,10 +92,14 @@ def watch(
                 show.status(watching.summary)
         except KeyboardInterrupt:
             pass  # the way in which watching ends
+        except InputError:
+            begun = watching.summary.frames > 0
+            raise
         finally:
             for seen in watching.watch.finish():
                 show.event(seen, hook)
-            show.summary(watching.summary, hook)
+            if begun:
+                show.summary(watching.summary, hook)
     return 0
 
 

@@ -46,7 +46,7 @@ def alignment_record(
             record[name] = {
                 "example": side.example,
                 "label": side.label,
-                "distance": float(f"{side.distance:.4g}"),
+                "distance": float(f"{side.distance:.6g}"),
                 "mirrored": side.mirrored,
                 "time": _milliseconds(
                     _at(query.times, side, warped_time(side))[shown]

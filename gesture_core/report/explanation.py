@@ -127,7 +127,7 @@ def _beside(
         lines = ["this input"]
     else:
         what = "nearest" if which == "nearest" else "runner-up"
-        lines = [side.label, f"{what}, at {side.distance:.3g}", side.example.rpartition("/")[2]]
+        lines = [side.label, f"{what}, at {_number(side.distance, 3)}", side.example.rpartition("/")[2]]
         lines += ["read as the other hand"] if side.mirrored else []
     if which not in strips.pictures:
         lines.append(name.words)
@@ -135,6 +135,11 @@ def _beside(
         weight = "normal" if place else "bold"
         size = _SMALL if place else _PLAIN + 1
         _write(figure, _EDGE, foot + _STRIP - 0.16 - 0.24 * place, line, size, _SIDE - 0.15, weight=weight)
+
+
+def _number(value: float, digits: int) -> str:
+    """That many digits, and no exponent for a large value."""
+    return f"{value:.{digits}g}" if value < 10**digits - 0.5 else f"{value:.0f}"
 
 
 def _pictures(axes: Axes, strip: np.ndarray, length: float, width: float, *, flipped: bool) -> None:
@@ -199,7 +204,7 @@ def _panel(
     _write(figure, left, foot + _PANEL + 0.43, name.words, _PLAIN, each - 0.1, weight="bold")
     costs = [(found.nearest, curves.near_cost)]
     costs += [] if found.runner_up is None else [(found.runner_up, curves.far_cost)]
-    said = ", ".join(f"{cost:.2g} to {side.label}" for side, cost in costs)
+    said = ", ".join(f"{_number(cost, 2)} to {side.label}" for side, cost in costs)
     _write(figure, left, foot + _PANEL + 0.16, f"adds {said}", _SMALL, each - 0.1)
 
 

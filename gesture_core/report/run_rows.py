@@ -101,6 +101,7 @@ def read_rows(
         "sureness": _sureness([row for _, row in keyed]),
         "margin_is": "score" if settings.classify.votes == 0 else "distance",
         "margin": settings.classify.margin,
+        "confidence": settings.classify.confidence,
         "reject": settings.classify.reject,
         "spot": _event_threshold(settings),
         "network": settings.pose.model,
@@ -153,7 +154,7 @@ class _PageRow:
         row, shown = self.row, None if self.missing else self.preview
         clip = (shown.name, round(shown.seconds, 3)) if shown else ("", 0)
         known = (row.distance, row.margin, row.confidence, row.score)
-        numbers = [None if value is None else float(f"{value:.4g}") for value in known]
+        numbers = [None if value is None else float(f"{value:.6g}") for value in known]
         times = [None if v is None else round(v, 3) for v in (row.start, row.end)]
         return [
             row.input, row.person, row.event, row.label, row.status, row.code, row.message, row.note,

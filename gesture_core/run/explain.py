@@ -224,7 +224,7 @@ def _row(rows: Sequence[Row], name: str, person: int, event: int = 0) -> Row:
     own = [row for row in rows if row.input == found]
     if event and any(row.person == person for row in own):
         last = max(row.event for row in own if row.person == person)
-        remedy = f"--event 1 to {last}" if last else ""
+        remedy = f"--event 1 to {last}".removesuffix(" to 1") if last else ""
         raise InputError(f"has no event {event}", subject=found, remedy=remedy, code="E_NOT_FOUND")
     known = " or ".join(dict.fromkeys(f"--person {row.person}" for row in own))
     raise InputError(f"has no person {person}", subject=found, remedy=known, code="E_NOT_FOUND")

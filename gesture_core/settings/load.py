@@ -142,7 +142,7 @@ def _preset_tree(name: str) -> dict[str, Any]:
         a_file = Path(name).suffix == ".toml" or Path(name).name != name
         raise ConfigError(
             f"preset {name}: {error.strerror or error}" if a_file else f"no preset {name!r}",
-            remedy=f"one of {', '.join(presets())}, or a TOML file",
+            remedy=near(name, presets(), f"one of {', '.join(presets())}, or a TOML file"),
             code="E_PRESET",
         ) from None
     except ValueError as error:  # of TOML or of UTF-8

@@ -120,7 +120,8 @@ class Camera:
             capture = cv2.VideoCapture(self.address, cv2.CAP_FFMPEG, options)
         try:
             if not capture.isOpened():
-                raise InputError("cannot be opened", subject=self.name, code="E_SOURCE")
+                remedy = "its cable, number or address"
+                raise InputError("cannot be opened", subject=self.name, remedy=remedy, code="E_SOURCE")
 
             def give() -> np.ndarray | None:
                 done, picture = capture.retrieve()

@@ -153,6 +153,7 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         (["classify", "absent", "--examples", "absent", "--out", "{out}"], 2, "no such file"),
         (["export", "absent"], 2, "holds no run"),
         (["export", "{run}", "--to", "x.xlsx"], 2, "--format with one of coco, csv"),
+        (["export", "{run}", "--to", "x.vtt"], 2, "--format vtt --to FOLDER"),
         (["export", "{run}", "--to", "{examples}"], 2, "is a folder"),
         (["export", "{file}"], 2, "holds no run"),
         (["plugins", "gausian"], 2, "gaussian"),

@@ -31,6 +31,14 @@ def test_the_table_names_the_label_of_the_nearest_example(capsys: pytest.Capture
     assert "wave_1.mp4" in said and "anna" not in said, "a folder that is no label tells nothing"
 
 
+def test_where_rows_have_a_confidence_it_is_in_the_place_of_the_margin(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    row_table([Row("a.mp4", label="wave", distance=0.2, margin=0.5, confidence=0.875, status="ok")])
+    said = capsys.readouterr().out
+    assert "confidence" in said and "0.875" in said and "margin" not in said
+
+
 def test_keypoints_have_a_table_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
     row_table(
         [

@@ -79,6 +79,13 @@ def test_a_terminal_is_told_first_what_is_worked_on(
     ]
 
 
+def test_the_network_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
+    events = progress.Events()
+    for _ in range(2):
+        events.network("compact")
+    assert capsys.readouterr().err.count("compact") == 1
+
+
 def test_stages_add_up(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """`gesture find` plans its clip and then the archive, `gesture report` examples, inputs and previews."""
     monkeypatch.setattr(progress, "_SECONDS_BETWEEN_LINES", -1.0)

@@ -52,5 +52,5 @@ def test_a_video_has_its_pictures_and_what_is_gone_says_so(
     capsys.readouterr()
     assert run(["explain", "run", "clip.mp4", "--out", "why.png"]) == 0
     said = capsys.readouterr().err
-    assert "no pictures of the nearest example: is not where the run found it" in said
+    assert "no pictures of the nearest example and the runner-up: is not where the run found it" in said
     assert "no pictures of the input" not in said

@@ -140,7 +140,7 @@ gesture.overview = (() => {
     refresh.push(() => {
       const { by, value: at } = state.threshold;
       const one = kept(at);
-      const words = [`${counted(one.count, "row")} of ${rows.length.toLocaleString("en")} (${percent(one.coverage)}) ${at === null ? "have a label" : "would keep their label"}`];
+      const words = [`${counted(one.count, "row")} of ${rows.length.toLocaleString("en")} (${percent(one.coverage)}) ${at === null ? `${one.count === 1 ? "has" : "have"} a label` : "would keep their label"}`];
       if (known && one.known) {
         const [from, to] = wilson(one.right, one.known);
         words.push(`${percent(one.right / one.known)} of these are right (95 %: ${(100 * from).toFixed(1)} to ${percent(to)})`);

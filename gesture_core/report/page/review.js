@@ -20,8 +20,8 @@ gesture.review = (() => {
   function said(row) {
     if (!state.answers.has(row.index)) return "";
     const label = state.answers.get(row.index);
-    if (label === null) return "answer: none of these";
-    return label === row.label ? "answer: confirmed" : `answer: ${label}`;
+    if (label === null) return "none of these";
+    return label === row.label ? "confirmed" : `answer: ${label}`;
   }
 
   async function send(row, answer) {
