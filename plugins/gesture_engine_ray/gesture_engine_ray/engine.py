@@ -310,7 +310,7 @@ def _stands(node: str) -> bool:
 
 
 def _keep(store: Path, stored: str, data: bytes, *, fresh: bool) -> None:
-    """Keypoints from another machine into the store of this one; those of before give way to ``fresh`` ones."""
+    """Keypoints from another machine into the store of this one; ``fresh`` ones replace those of before."""
     if _STORED.fullmatch(stored) and (fresh or not (store / stored).is_file()):
         with replacing(store / stored) as temporary:
             temporary.write_bytes(data)
