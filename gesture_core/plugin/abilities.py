@@ -52,6 +52,13 @@ class CropFollowing(Protocol):
 
 
 @runtime_checkable
+class PresenceLimit(Protocol):
+    """A pose backend that gives nobody whose presence is less than its limit; 0.5 is taken of others."""
+
+    presence: float
+
+
+@runtime_checkable
 class RegionFollowing(Protocol):
     """A pose backend whose network was made for one person, upright in a square of their own.
 

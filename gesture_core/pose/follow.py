@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gesture_core.plugin.abilities import CropFollowing
+from gesture_core.plugin.abilities import CropFollowing, PresenceLimit
 from gesture_core.pose.contract import ModelContract
 from gesture_core.skeletons import Skeleton, skeleton
 from gesture_core.types import Person
@@ -56,9 +56,11 @@ GAIN = 0.1
 """Confidence that a tile must add: a part of a large person may pass for a small one."""
 ZOOMS = 2
 """Times that a find is looked at again in a window of its own."""
-CUTS = (0.85, 1.0, 1.2)
-"""A find that is less than certain to be a person is looked at again in windows of these sides over its own,
-the second mirrored; somebody must be seen in each."""
+CUTS = (0.7, 0.85, 1.2)
+"""A find that is less than certain to be a person is looked at again, mirrored and in windows around the body
+of these sides over the usual one."""
+STRICTER = 0.6
+"""Exponent of the least presence that those cuts must have on average: 0.66 where a person needs 0.5."""
 PAUSE = 16
 """Frames between two searches while nobody is found."""
 RECHECK = 250
@@ -103,13 +105,6 @@ class Window:
     def view(self, frame: np.ndarray) -> np.ndarray:
         """That part of the frame; no pixel is copied."""
         return frame[self.top : self.bottom, self.left : self.right]
-
-    def grown(self, size: float, frame_size: tuple[int, int]) -> Window:
-        """A window `size` times as wide and high around the same middle, as far as it lies in the frame."""
-        wide, high = frame_size
-        x, y = 0.5 * (size - 1) * (self.right - self.left), 0.5 * (size - 1) * (self.bottom - self.top)
-        left, top = max(round(self.left - x), 0), max(round(self.top - y), 0)
-        return Window(left, top, min(round(self.right + x), wide), min(round(self.bottom + y), high))
 
     def back(self, person: Person) -> Person:
         """A person found in `view`, in pixels of the frame."""
@@ -193,6 +188,7 @@ class Follower:
         self.backend = backend
         self.anatomy = Anatomy(skeleton(backend.skeleton))
         self.size = backend.crop if isinstance(backend, CropFollowing) else ModelContract.crop
+        self._least = backend.presence if isinstance(backend, PresenceLimit) else 0.5
         self.searches = 0
         self._window: Window | None = None
         self._level = 0.0
@@ -241,16 +237,19 @@ class Follower:
         people = self._look(frames, window)
         for i, person in enumerate(people):
             if person and not self._known and person.presence < 1:
-                self._known = self._stands(frames[i], window)
+                self._known = self._stands(frames[i], window, person)
                 people[i] = person if self._known else None
         return people
 
-    def _stands(self, frame: np.ndarray, window: Window) -> bool:
-        """Whether somebody is seen in other cuts around a window as well."""
-        size = frame.shape[1], frame.shape[0]
-        views = [window.grown(cut, size).view(frame) for cut in CUTS]
-        views[1] = np.ascontiguousarray(views[1][:, ::-1])
-        return all(self.backend.estimate(views))
+    def _stands(self, frame: np.ndarray, window: Window, person: Person) -> bool:
+        """Whether somebody is seen in other cuts around a person who was found in a window as well."""
+        body, size = self.anatomy.body(person), (frame.shape[1], frame.shape[0])
+        if body is None:
+            return False
+        views = [Window.around(body, cut * self.size, size).view(frame) for cut in CUTS]
+        views.append(np.ascontiguousarray(window.view(frame)[:, ::-1]))
+        seen = [people[0].presence if people else 0.0 for people in self.backend.estimate(views)]
+        return float(np.mean(seen)) >= self._least**STRICTER
 
     def _until_lost(self, people: Sequence[Person | None]) -> int:
         """Number of leading frames in which the person is still there; all of them during a pause."""
@@ -314,19 +313,20 @@ class Follower:
 
         The confidence is 0 where other cuts of the best window show nobody.
         """
-        best, highest, sure = window, 0.0, True
+        best, highest, found = window, 0.0, None
         for _ in range(ZOOMS + 1):
             person = self._look([frame], window)[0]
             confidence = self.anatomy.confidence(person)
             if confidence >= highest:
-                best, highest, sure = window, confidence, person is None or person.presence == 1
+                best, highest, found = window, confidence, person
             body = self.anatomy.body(person)
             if body is None:
                 break
             window = Window.around(body, self.size, (frame.shape[1], frame.shape[0]))
             if window == best:
                 break
-        return best, highest if sure or self._stands(frame, best) else 0.0
+        known = found is None or found.presence == 1 or self._stands(frame, best, found)
+        return best, highest if known else 0.0
 
 
 def _starts(length: int, side: int) -> list[int]:

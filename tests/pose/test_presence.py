@@ -108,6 +108,27 @@ def test_who_is_seen_in_one_cut_alone_is_nobody() -> None:
         assert not any(Follower(Fickle(luckily)).estimate(film))
 
 
+@pytest.mark.parametrize(
+    ("least", "presence", "found"),
+    [(0.5, 0.7, True), (0.5, 0.6, False), (0.2, 0.4, True), (0.2, 0.3, False), (0.0, 0.0, True)],
+)
+def test_other_cuts_must_show_more_than_the_least_presence(
+    least: float, presence: float, found: bool
+) -> None:
+    class Doubting(Fickle):
+        """As sure of a person in one view as in the other."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.presence = least
+
+        def estimate(self, frames: Sequence[np.ndarray], people: str = "single") -> list[list[Person]]:
+            return [[replace(one, presence=presence)] for (one,) in super().estimate(frames)]
+
+    film = [(0.0, np.zeros((240, 320, 3), np.uint8))]
+    assert [person is not None for person in Follower(Doubting()).estimate(film)] == [found]
+
+
 def test_a_chance_find_among_frames_of_nobody_is_nobody() -> None:
     film = [(i / 10, np.zeros((240, 320, 3), np.uint8)) for i in range(8)]
     backend = Fickle(-1)
