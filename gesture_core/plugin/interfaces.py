@@ -23,6 +23,7 @@ from gesture_core.plugin.abilities import LeavesOut as LeavesOut
 from gesture_core.plugin.abilities import NeedsDepth as NeedsDepth
 from gesture_core.plugin.abilities import OrdersClasses as OrdersClasses
 from gesture_core.plugin.abilities import PairKernel as PairKernel
+from gesture_core.plugin.abilities import PresenceLimit as PresenceLimit
 from gesture_core.plugin.abilities import RegionFollowing as RegionFollowing
 from gesture_core.plugin.abilities import SearchKernel as SearchKernel
 from gesture_core.plugin.abilities import StreamStep as StreamStep
@@ -93,8 +94,8 @@ class PoseBackend(Protocol):
     taken: ``threads`` (of the runtime, 0 for its own choice), and, where the user sets them in [pose],
     ``height`` (of the input, in pixels) and ``score`` (below which a joint is missing).
 
-    More abilities are optional: `CropFollowing`, `RegionFollowing`, `DeviceChoice`, `Traceable`, and
-    `Person.peaks`.
+    More abilities are optional: `CropFollowing`, `PresenceLimit`, `RegionFollowing`, `DeviceChoice`,
+    `Traceable`, and `Person.peaks`.
     `gesture_core.pose.network.NetworkBackend` is a base class that has them all.
     """
 
