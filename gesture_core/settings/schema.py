@@ -155,7 +155,8 @@ class ClassifySettings(_Section):
         Of ``weighed`` and ``blend``: penalty on the squared weights; more makes all examples more alike.
     landmarks : int
         Of any classifier but ``nearest``: of more examples than this, those that queries are compared with,
-        spread evenly over each class in the order of the examples; what they count for is learned from all.
+        spread evenly over each class in the order of the examples. What they count for is learned from eight
+        times as many at most, spread in the same way.
     reject : None or float
         Distances above this get no label.
     reject_sd : None or float
@@ -164,6 +165,9 @@ class ClassifySettings(_Section):
     margin : None or float
         Labels with a smaller margin are rejected (E_UNSURE). The margin is the lead of the winner's
         distance with ``nearest``, otherwise of its score (0 to about 1).
+    min_score : None or float
+        Labels of a smaller score are rejected (E_REJECTED): what is like no example, or like several classes.
+        About 1 for the right class and 0 for others; not of ``nearest``, whose scores are distances.
     confidence : None or float
         Labels that are right with a smaller probability than this are rejected (E_UNSURE), and every row has
         the probability; 0 rejects none. It is calibrated on the examples, each of which is decided by the
@@ -202,6 +206,7 @@ class ClassifySettings(_Section):
     reject: float | None = None
     reject_sd: float | None = None
     margin: float | None = None
+    min_score: float | None = None
     confidence: float | None = None
     representative: bool = False
     min_pose: float = 0.25
@@ -328,6 +333,7 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "classify.reject": (-_INFINITE, _INFINITE),
     "classify.reject_sd": (0, _INFINITE),
     "classify.margin": (0, _INFINITE),
+    "classify.min_score": (0, _INFINITE),
     "classify.confidence": (0, 1),
     "classify.min_pose": (0, 1),
     "classify.mirror": (1, _INFINITE),
