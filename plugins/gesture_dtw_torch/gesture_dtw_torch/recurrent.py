@@ -18,7 +18,7 @@ _RATE, _DECAY, _SMOOTH = 5e-3, 1e-2, 0.1
 _DROPPED = 0.3
 _BATCH, _STEPS = 32, 100
 """Sequences of a step, and steps at least."""
-_PARTS = 5
+_PARTS = 3
 """Networks that learn, each without one part of the examples, to say what none of them had seen."""
 
 Series = Sequence[Signals | np.ndarray]
@@ -90,7 +90,7 @@ class Recurrent:
     def left_out(
         self, examples: Series, codes: np.ndarray, classes: int, distances: np.ndarray
     ) -> np.ndarray:
-        """(N, C): of each example by a network that did not see its part of each class, one in five."""
+        """(N, C): of each example by a network that did not see its part of each class, one in three."""
         forms, codes = self._forms(examples), np.asarray(codes, np.int64)
         turn: np.ndarray = np.empty(len(codes), np.int64)
         for code in np.unique(codes):
