@@ -128,7 +128,9 @@ class Recurrent:
         epochs = max(self.epochs, -(-_STEPS // parts))
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, _RATE, total_steps=epochs * parts)
         for _ in range(epochs):
-            for some in torch.randperm(len(series)).split(_BATCH):
+            order = torch.randperm(len(series))
+            for start in range(0, len(order), _BATCH):
+                some = order[start : start + _BATCH]
                 optimizer.zero_grad()
                 lost(network(series[some]), targets[some]).backward()
                 optimizer.step()
