@@ -19,6 +19,8 @@ from gesture_core.report.run_page import write_report
 from gesture_core.spot.explanation import subsequence_path
 from gesture_core.types import PoseSequence
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 CHANGES: dict[str, Any] = {"spot__tempos": ()}
 
 
