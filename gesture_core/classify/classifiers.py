@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _MOST = 200
 """Times that examples are left out."""
-_TEACHING = 8
+_TEACHING = 6
 """Times as many examples teach as there are landmarks, at most: what more would add is noise."""
 
 Series = Sequence[Signals | np.ndarray]

@@ -155,7 +155,7 @@ class ClassifySettings(_Section):
         Of ``weighed`` and ``blend``: penalty on the squared weights; more makes all examples more alike.
     landmarks : int
         Of any classifier but ``nearest``: of more examples than this, those that queries are compared with,
-        spread evenly over each class in the order of the examples. What they count for is learned from eight
+        spread evenly over each class in the order of the examples. What they count for is learned from six
         times as many at most, spread in the same way.
     reject : None or float
         Distances above this get no label.

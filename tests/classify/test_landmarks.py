@@ -86,11 +86,11 @@ def test_a_fitted_classifier_keeps_the_landmarks(monkeypatch: pytest.MonkeyPatch
         return found
 
     monkeypatch.setattr(comparison.Comparison, "distances", counting)
-    settings = replace(under(15), classify=replace(under(15).classify, confidence=0.3, reject_sd=5.0))
+    settings = replace(under(20), classify=replace(under(20).classify, confidence=0.3, reject_sd=5.0))
     model = GestureClassifier(settings).fit(arrays, codes.tolist())
-    assert sum(rows * columns for rows, columns in compared) == 120 * 15
-    assert len(model.library_) == 15 and model.weights_ is not None
-    assert model.weights_.weights.shape == (15, 3)
+    assert sum(rows * columns for rows, columns in compared) == 120 * 20
+    assert len(model.library_) == 20 and model.weights_ is not None
+    assert model.weights_.weights.shape == (20, 3)
     assert [codes[i] for i in model.example_indices_] == model.library_.codes.tolist()
     asked, truth = clouds(4, 20)
     queries = [np.full((4, 1), place) for place in asked]
@@ -106,9 +106,9 @@ def test_so_many_teach_that_a_fit_takes_no_longer_for_more(monkeypatch: pytest.M
     arrays = [np.full((4, 1), place) for place in places]
     settings = under(15)
     taught = teaching(codes, settings)
-    assert np.bincount(codes[taught]).tolist() == [40, 40, 40]
+    assert np.bincount(codes[taught]).tolist() == [30, 30, 30]
     assert {0, 199, 200, 599} <= set(taught.tolist()), "the first and the last of a class are among them"
-    assert len(teaching(codes[:120], settings)) == 120
+    assert len(teaching(codes[:90], settings)) == 90
     nearest = replace(settings, classify=replace(settings.classify, classifier="nearest"))
     rocket = replace(settings, classify=replace(settings.classify, classifier="rocket"))
     assert len(teaching(codes, nearest)) == len(teaching(codes, rocket)) == 600
@@ -121,7 +121,7 @@ def test_so_many_teach_that_a_fit_takes_no_longer_for_more(monkeypatch: pytest.M
 
     monkeypatch.setattr(comparison.Comparison, "distances", counting)
     model = GestureClassifier(settings).fit(arrays, codes.tolist())
-    assert sum(seen) == 120
+    assert sum(seen) == 90
     assert set(model.example_indices_) <= set(taught.tolist())
     for index, item in zip(model.example_indices_, model.library_.series, strict=True):
         np.testing.assert_array_equal(np.asarray(item), arrays[index])
