@@ -86,11 +86,11 @@ def test_a_fitted_classifier_keeps_the_landmarks(monkeypatch: pytest.MonkeyPatch
         return found
 
     monkeypatch.setattr(comparison.Comparison, "distances", counting)
-    settings = replace(under(20), classify=replace(under(20).classify, confidence=0.3, reject_sd=5.0))
+    settings = replace(under(21), classify=replace(under(21).classify, confidence=0.3, reject_sd=5.0))
     model = GestureClassifier(settings).fit(arrays, codes.tolist())
-    assert sum(rows * columns for rows, columns in compared) == 120 * 20
-    assert len(model.library_) == 20 and model.weights_ is not None
-    assert model.weights_.weights.shape == (20, 3)
+    assert sum(rows * columns for rows, columns in compared) == 120 * 21
+    assert len(model.library_) == 21 and model.weights_ is not None
+    assert model.weights_.weights.shape == (21, 3)
     assert [codes[i] for i in model.example_indices_] == model.library_.codes.tolist()
     asked, truth = clouds(4, 20)
     queries = [np.full((4, 1), place) for place in asked]
