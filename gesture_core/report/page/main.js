@@ -84,4 +84,5 @@
   });
 
   show();
+  if (data.review && state.chosen) gesture.list.reveal(state.chosen); // where the last session ended
 })();
