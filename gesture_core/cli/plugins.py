@@ -163,7 +163,7 @@ def _show(found: Registry, name: str) -> None:
             continue
         columns, rows = ["option", "default"], [[f"{name}.{option}", value] for option, value in options]
         settings = load_settings()
-        chosen = settings.plugin_options(name)
+        chosen = settings.options.get(name, {})
         if chosen:
             columns.append(f"preset {settings.preset}")
             for row, (option, _) in zip(rows, options, strict=True):

@@ -131,7 +131,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         plan = make_plan(request, results, assistant)
         listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
         if "video" in plan.identity:
-            listener.network(described(plan.settings))
+            first = not results.counts()  # what is said once need not be said by every command
+            listener.network(described(plan.settings, hint=first))
         run = _Run(request, plan, results, assistant, listener)
         if plan.waiting:
             run.work()

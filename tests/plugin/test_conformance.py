@@ -98,7 +98,7 @@ def test_the_contract_under_the_options_of_a_preset(preset: str) -> None:
     steps += [("filter", name) for name in settings.signals.filters]
     for kind, name in steps:
         for check in checks_for(kind):
-            check(registry().make(kind, name, settings.plugin_options(name)))
+            check(registry().make(kind, name, settings.options.get(name, {})))
 
 
 @pytest.mark.parametrize(("kind", "name", "check"), every("engine"))

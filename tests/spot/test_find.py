@@ -39,7 +39,7 @@ def still(pose: PoseSequence, frames: int) -> PoseSequence:
 
 def test_the_distances_are_those_of_the_reference(poses: list[PoseSequence]) -> None:
     query = Query(poses[0], SETTINGS, 5)
-    signals = stream_chain(SETTINGS)(strung(poses[:3])[0].as_coco18())
+    signals = stream_chain(SETTINGS)(strung(poses[:3])[0].onto("coco18"))
     found = query.candidates(signals)
     (series,) = query._examples.series
     used = series.mask & series.present & signals.present  # type: ignore[operator]

@@ -88,10 +88,8 @@ class FakeCamera:
 
 
 def frames_of(pose: PoseSequence, start: int, stop: int) -> list[Frame]:
-    from gesture_core.spot.signals import part_of
-
     return [
-        (float(pose.times[number]), lambda number=number: part_of(pose, number, number + 1))  # type: ignore[misc]
+        (float(pose.times[number]), lambda number=number: pose.part(slice(number, number + 1)))  # type: ignore[misc]
         for number in range(start, stop)
     ]
 
@@ -462,7 +460,6 @@ def test_the_preview_shows_frames_to_who_knows_its_address(string: PoseSequence)
     import urllib.request
 
     from gesture_core.report.preview import Preview
-    from gesture_core.spot.signals import part_of
 
     picture = np.full((96, 128, 3), 200, np.uint8)
     with Preview() as preview:
@@ -474,7 +471,7 @@ def test_the_preview_shows_frames_to_who_knows_its_address(string: PoseSequence)
 
         def frames() -> None:
             while not done.wait(0.01):
-                preview.show(picture, part_of(string, 0, 1))
+                preview.show(picture, string.part(slice(0, 1)))
 
         camera = threading.Thread(target=frames)
         camera.start()
