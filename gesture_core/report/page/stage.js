@@ -28,7 +28,7 @@ gesture.stage = (() => {
     if (!row) return place.replaceChildren();
     const near = row.near === null ? null : examples[row.near], far = row.far === null ? null : examples[row.far];
     const query = gesture.player.screen(row.clip, row.missing);
-    const sides = [["near", near, "nearest example"], ["far", far, "runner-up"]].filter(([, one]) => one);
+    const sides = [["near", near, "its nearest example"], ["far", far, "runner-up"]].filter(([, one]) => one);
     const screens = sides.map(([, one]) => gesture.player.screen(one.clip, "no preview"));
     const panels = make("div", { class: "panels" }, panel("query", row.label ?? "no label", "this input", query),
       ...sides.map(([kind, one, what], index) => panel(kind, one.label, what, screens[index], one.name)));
