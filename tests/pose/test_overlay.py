@@ -193,8 +193,9 @@ def test_a_strip_is_cropped_to_the_people() -> None:
 
 def test_a_strip_has_its_size_before_anything_is_written_into_it() -> None:
     one = replace(pose(), frame_size=(600, 400))
-    ((_, plain), *_), (near,) = (list(part) for part in cropped(frames((400, 600)), [one]))
-    ((_, large), *_), (grown,) = (list(part) for part in cropped(frames((400, 600)), [one], height=300))
+    parts, (near,) = cropped(frames((400, 600)), [one])
+    scaled, (grown,) = cropped(frames((400, 600)), [one], height=300)
+    plain, large = next(parts)[1], next(scaled)[1]
     scale = 300 / plain.shape[0]
     assert large.shape[:2] == (300, round(plain.shape[1] * scale))
     assert np.allclose(grown.keypoints, near.keypoints * scale, equal_nan=True)

@@ -317,7 +317,8 @@ def test_depths_are_no_scores_in_metres(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("k.xlsx", "spreadsheet"), ("k.csv.zip", "unpack"), ("k.pt", "numpy.save"), ("k.bvh", "places of"),
+    [("k.xlsx", "spreadsheet"), ("k.csv.zip", "unpack"), ("k.pt", "numpy.save"), ("k.fbx", "places of"),
+     ("k.bvh", "HIERARCHY"), ("k.c3d", "mark of C3D"),
      ("k.slp", "sleap-convert"), ("k.rds", "CSV"), ("k.dat", ".txt")],
 )  # fmt: skip
 def test_files_of_other_programs_are_refused_with_what_to_do(tmp_path: Path, name: str, said: str) -> None:
