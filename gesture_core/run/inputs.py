@@ -121,7 +121,7 @@ def discover(
     Parameters
     ----------
     sources : sequence of path
-        A text manifest (``.txt``) has one path a line; a CSV manifest has a column ``path`` and
+        A text manifest (``.txt``) has one path or address a line; a CSV manifest has a column ``path`` and
         perhaps ``label``. Relative paths in it start at its own folder.
     avoid : Path, optional
         A folder that is not walked into: the run folder.
@@ -156,10 +156,7 @@ def discover(
     empty = []
     for source in sources:
         text = os.fspath(source)
-        if is_address(text) and not text.startswith("file://"):
-            before, items = walk.passed, list(walk.address(text))
-        else:
-            before, items = walk.passed, list(walk.source(Path(local_path(text))))
+        before, items = walk.passed, list(walk.source(text))
         if not items and walk.passed == before:
             empty.append(shown(text))
         for item in items:
@@ -179,7 +176,8 @@ def discover(
                     code="E_CONTRADICTION",
                 )
     if found and all(item.code == "E_NOT_FOUND" for item in found.values()):
-        raise _not_found(next(iter(found.values())).path)
+        first = next(iter(found.values()))
+        raise first.error() if first.address else _not_found(first.path)
     if empty and found:
         warnings.warn(f"holds nothing to read: {', '.join(empty)}", stacklevel=2)
     return list(found.values())
@@ -216,30 +214,32 @@ class Walk:
         self.passed = 0
         """Folders that were not entered, since they had been entered before."""
 
-    def source(self, path: Path) -> Iterator[Input]:
-        """Inputs of something that the user named: a path, a glob or a manifest."""
-        entries = None
+    def source(self, text: str) -> Iterator[Input]:
+        """Inputs of something that the user named: an address, a path, a glob or a manifest."""
+        if is_address(text):
+            yield from self.address(text)
+            return
+        entries, path = None, Path(local_path(text))
         if path.suffix.lower() in _MANIFESTS and path.is_file() and not self._is_text_of_keypoints(path):
             from gesture_core.run.tables import read_manifest
 
             entries = read_manifest(path)
         if entries is not None:
             for entry, label in entries:
-                if not exists(entry):
+                if isinstance(entry, Path) and not exists(entry):
                     raise _not_found(
                         entry, f"in {printable(os.fspath(path))}, which is read as a list of paths"
                     )
                 if label:  # a folder inside another one has been walked into, by another label perhaps
                     self._been.clear()
-                for item in self.path(entry):
+                for item in self.address(entry) if isinstance(entry, str) else self.path(entry):
                     yield replace(item, label=label) if label else item
         elif exists(path):
             yield from self.path(path)
         else:
-            text = os.fspath(path)
-            if not glob.has_magic(text):
+            if not glob.has_magic(os.fspath(path)):
                 raise _not_found(path)
-            matches = sorted(glob.glob(text, recursive=True))  # noqa: PTH207
+            matches = sorted(glob.glob(os.fspath(path), recursive=True))  # noqa: PTH207
             if not matches:  # of several patterns, as a set of cameras has them, one may match nothing
                 yield _broken(path, "E_NOT_FOUND", "nothing matches", "another pattern")
             for match in matches:
