@@ -176,8 +176,7 @@ def discover(
                     code="E_CONTRADICTION",
                 )
     if found and all(item.code == "E_NOT_FOUND" for item in found.values()):
-        first = next(iter(found.values()))
-        raise first.error() if first.address else _not_found(first.path)
+        raise first.error() if (first := next(iter(found.values()))).address else _not_found(first.path)
     if empty and found:
         warnings.warn(f"holds nothing to read: {', '.join(empty)}", stacklevel=2)
     return list(found.values())
@@ -298,27 +297,28 @@ class Walk:
                 self.passed += 1
                 return
             self._been.add(identity)
-            entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
-            folders = set()
+            names, folders = list[str](), set[str]()
             with os.scandir(folder) as found:  # which knows most folders without a look at them
                 for one in found:
-                    with suppress(OSError):  # a link into a folder that is closed to us is a row as any other
-                        folders |= {folder / one.name} if one.is_dir() else set()
+                    if not passed_over(one.name) and one.name not in OWN_FILES:
+                        names.append(one.name)
+                        with suppress(OSError):  # a link into a folder that is closed to us is a row, too
+                            folders |= {one.name} if one.is_dir() else set()
         except OSError as error:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
-        entries = [e for e in entries if not passed_over(e.name) and e.name not in OWN_FILES]
-        files = [entry for entry in entries if entry not in folders and not self._is_video(entry)]
+        entries = [(folder / name, name in folders) for name in sorted(names, key=os.fsencode)]
+        files = [entry for entry, is_folder in entries if not is_folder and not self._is_video(entry)]
         self._readers.expect(files)
         reader, fault = self._readers.of(folder, {file.suffix.lower() for file in files})
         if reader:
             yield from self._members(folder, reader)
-        for entry in entries:
-            if entry in folders:
+        for entry, is_folder in entries:
+            if is_folder:
                 yield entry
             else:
-                companion = entry.suffix.lower() in COMPANIONS
-                beside = bool(reader) and (companion or self._readers.may_take(reader, entry))
+                companion = bool(reader) and entry.suffix.lower() in COMPANIONS
+                beside = companion or (bool(reader) and self._readers.may_take(reader, entry))
                 for item in self._file(entry, say_why=not (beside or fault)):
                     if item.kind == "other" and fault:  # its folder may have been one of keypoint files
                         yield replace(item, kind="broken", code=fault[0], fault=f"of its folder, {fault[1]}")
@@ -348,7 +348,7 @@ class Walk:
             return False
         suffix = path.suffix.lower()
         named = suffix in VIDEO_SUFFIXES or (self._readers.pictures and suffix in PICTURES)
-        return named and not is_text_of_series(path)
+        return named and not (suffix == ".ts" and is_text_of_series(path))
 
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""
