@@ -179,11 +179,8 @@ def put(path: Path, address: str) -> None:
 
 def roots(sources: Sequence[str]) -> tuple[bytes, ...]:
     """What the places of objects begin with that are listed by ``sources``, as far as these are addresses."""
-    found = []
-    for source in filter(is_address, sources):
-        system, path = _open(_root(source))
-        found.append(shown("::".join([str(system.unstrip_protocol(path)), *_LINK.split(source)[1:]])))
-    return tuple(map(os.fsencode, found))
+    listed = [(source, *_open(_root(source))) for source in sources if is_address(source)]
+    return tuple(os.fsencode(shown(_named(system, source, path))) for source, system, path in listed)
 
 
 def look(address: str) -> Entry:
@@ -372,14 +369,19 @@ def _safe(parts: list[str]) -> Path:
     return Path(*safe)
 
 
+def _named(system: Any, source: str, path: str) -> str:
+    """The address of what a file system calls ``path``, its protocol as in ``source``: az, not abfs."""
+    first, *outer = _LINK.split(source)
+    inside = str(system.unstrip_protocol(path)).partition("://")[2]
+    return "::".join([f"{first.partition('://')[0]}://{inside}", *outer])
+
+
 def _entry(system: Any, source: str, about: Mapping[str, Any]) -> Entry:
     if not any(about.get(key) for key in ("ETag", "etag", "md5Hash", *_VERSIONS)):
         about = {**about, **system.info(about["name"])}  # a page of links does not say
-    _, *outer = _LINK.split(source)
-    query = _parted(source)[1] if not outer else ""
-    address = "::".join([str(system.unstrip_protocol(about["name"])), *outer])
-    etag = str(about.get("ETag") or about.get("etag") or "").strip('"')
-    size = about.get("size")
+    query = _parted(source)[1] if len(_LINK.split(source)) == 1 else ""
+    address = _named(system, source, about["name"])
+    etag, size = str(about.get("ETag") or about.get("etag") or "").strip('"'), about.get("size")
     versions = [etag] if etag else [_plain(about.get(key)) for key in _VERSIONS]
     md5 = etag if _MD5.fullmatch(etag) and source.startswith("s3") else ""
     if query and "?" not in address:

@@ -29,7 +29,7 @@ _START_SECONDS = 120.0
 _ENDINGS = frozenset({"E_WORKER_CRASH", "E_WORKER_HANG", "E_WORKER_MEMORY"})
 """Codes of what another process may not meet: memory can also end without ending the process."""
 
-_KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(256 << 20)}
+KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(256 << 20)}
 """Has glibc keep what a batch of large pictures took: given back and taken anew, each page costs a fault."""
 
 OnFrames = Callable[[Task, int], None]
@@ -161,7 +161,7 @@ class WorkerProcess:
         self._ready = self._slow = False
         self._plugin = ""
         self._error_lines: deque[str] = deque(maxlen=3)
-        environment = _KEPT_MEMORY | os.environ
+        environment = KEPT_MEMORY | os.environ
         environment |= {"OMP_NUM_THREADS": str(threads), "OPENBLAS_NUM_THREADS": str(threads)}
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "gesture_core.run.workers.worker"],
