@@ -99,7 +99,9 @@ def evolved(tables: np.ndarray, codes: np.ndarray) -> np.ndarray:
         total = np.tensordot(weights, tables, 1) + itself
         near = np.where(own, total, np.inf).min(axis=1)
         far = np.where(own, np.inf, total).min(axis=1)
-        return float((near >= far).mean() + 0.1 * (near / (near + far)).mean())
+        leads = far > near
+        shares = np.divide(near, near + far, out=np.ones(len(near)), where=leads)
+        return float((~leads).mean() + 0.1 * shares.mean())
 
     found = differential_evolution(
         cost,
