@@ -380,6 +380,8 @@ class Settings:
     def with_values(self, values: Iterable[tuple[str, Any]], origin: str = "--set") -> Settings:
         """The settings with ``(dotted key, value)`` pairs changed.
 
+        A ConfigError for an unknown key (naming the nearest one) or a value of the wrong type.
+
         Parameters
         ----------
         values : iterable of (str, object)
@@ -387,8 +389,6 @@ class Settings:
             key such as ``window`` is accepted where only one section or plugin has it.
         origin : str
             Where the values were given, for errors.
-
-        A ConfigError for an unknown key (naming the nearest one) or a value of the wrong type.
         """
         from gesture_core.settings.load import changed  # which reads text; here is only what there is
 
