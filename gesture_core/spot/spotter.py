@@ -61,13 +61,12 @@ class EventSearch:
         thresholds = examples.thresholds
         worst = thresholds * (_SUREST if judge and examples.recognizer else 1.0)
         self._search = Search(examples, present, worst)
-        self._longest = 2 * max(float(one.times[-1] - one.times[0]) for one in examples.series) + 1.0
-        usual = examples.usual_seconds()
+        self._live, usual = patience is not None, examples.usual_seconds()
         self._suppression = Suppression(
             lambda one: one.rank <= thresholds[one.code],
             examples.settings.spot.overlap,
             lambda one: (
-                self._longest
+                0.0
                 if patience is None
                 else patience + max(0.0, float(usual[one.code]) - (one.end - one.start))
             ),
@@ -79,14 +78,16 @@ class EventSearch:
         known = iter(self._judged([one for some in found for one in some]))
         following = next(known, None)
         events: list[Candidate] = []
-        for now, some in zip(times.tolist(), found, strict=True):
+        # What begins before this moment, and so could be better, has come.
+        settled = times if self._live else self._search.earliest
+        for now, some in zip(settled.tolist(), found, strict=True):
             for one in some:
                 if following is not None and (one.end, one.code) == (following.end, following.code):
                     self._suppression.add(following)
                     following = next(known, None)
             events += self._suppression.settle(now)
         if len(times):
-            self._suppression.forget(float(times[-1]) - self._longest)
+            self._suppression.forget(float(self._search.earliest[-1]))
         return self._gestures(events)
 
     def finish(self) -> list[Candidate]:
