@@ -105,8 +105,8 @@ class Resample:
     rate : float
         Frames per second of the result; 0 for its own: the median of its steps, evenly.
     max_frames : int
-        What would have more than these, and than ten times its own, keeps its own: time stamps are not trusted
-        to allocate memory.
+        What would have more than these, and than ten times its own, keeps its own: time stamps are not
+        trusted to allocate memory.
     anchored : bool
         Sample at whole multiples of ``1 / rate``, wherever the sequence begins, so that two parts of
         one recording are sampled at the same times.
