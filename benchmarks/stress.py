@@ -361,7 +361,7 @@ def main() -> int:
         }
         for folder in given.videos:
             clips = with_videos(body_gesture(given.shared), folder)
-            sets[folder.name] = [replace(clip, pose=clip.pose.as_coco18()) for clip in clips]
+            sets[folder.name] = [replace(clip, pose=clip.pose.onto("coco18")) for clip in clips]
         for title, items in sets.items():
             found = {
                 name: accuracies(items, modern.with_values([("signals.repair", on)]), BAD_FRAMES, given.both)

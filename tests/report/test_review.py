@@ -32,6 +32,8 @@ from gesture_core.run.review import NONE, Answered, Answers, add_corrections, ch
 from gesture_core.run.store import write_keypoints
 from gesture_core.run.tables import read_labels, read_manifest
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 __all__ = ["classified"]
 FACTS: dict[str, Any] = {
     "frames_declared": None, "frames_read": 2, "frames_looked_at": 2, "complete": True, "notes": [],

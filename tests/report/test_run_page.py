@@ -20,6 +20,8 @@ from gesture_core.report.run_page import write_report
 from gesture_core.run.archive import classify_archive
 from gesture_core.run.results import open_results
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 HOSTILE = "<img src=x onerror=alert(1)>"
 
 

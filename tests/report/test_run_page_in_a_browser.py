@@ -12,6 +12,8 @@ import pytest
 from browser import axe, browser, complaints, requested, resize
 from test_run_page import HOSTILE, classified, page, rows_of
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 __all__ = ["classified", "page"]
 NAMES = "return [...document.querySelectorAll('#body tr[data-index] .file')].map((one) => one.textContent)"
 
