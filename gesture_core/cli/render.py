@@ -50,7 +50,7 @@ def render(
     overwrite
         Replace a file that is there.
     """
-    from gesture_core.pose.overlay import cropped, overlay, write_strip
+    from gesture_core.pose.overlay import STRIP, cropped, overlay, write_strip
     from gesture_core.video import at_rate, open_configured, pictures
     from gesture_core.video.writer import can_write_video, write_video
 
@@ -89,7 +89,8 @@ def render(
             count = write_video(overlay(frames, found, tags), target)
         else:  # cropped first, so that what is written above a person is inside
             middles = [((row.start or 0) + (row.end or 0)) / 2 for row in rows if row.event]
-            count = write_strip(overlay(*cropped(frames, found), tags), target, moments=middles)
+            strip = overlay(*cropped(frames, found, height=STRIP), tags)
+            count = write_strip(strip, target, moments=middles)
     longest = max(sequence.frames_with_pose for sequence in found)
     who = "1 person" if len(found) == 1 else f"{len(found)} tracks of people, the longest"
     rate = settings.pose.rate

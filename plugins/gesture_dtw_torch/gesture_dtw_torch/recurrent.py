@@ -59,6 +59,7 @@ class Recurrent:
     frames : int
         Length of a sequence.
     seed : int
+        Of the first weights, and of the order in which examples are shown.
     """
 
     mirror: float | None = None
