@@ -28,6 +28,8 @@ def _colour(text: str) -> Colour:
 _SIDES = {"right": _colour(colours.RIGHT), "left": _colour(colours.LEFT), "middle": _colour(colours.MIDDLE)}
 _PEOPLE = tuple(map(_colour, (colours.GREEN, colours.VERMILLION, colours.PURPLE, colours.BLUE, colours.GREY)))
 """One colour for each person, in turn."""
+STRIP = 320
+"""Pixels that a strip is high."""
 _SAME = 0.0005
 """Seconds below which two times are one: less than half a frame at the fastest rate that is read."""
 
@@ -134,7 +136,10 @@ def overlay(
 
 
 def cropped(
-    frames: Iterable[tuple[float, np.ndarray]], poses: Sequence[PoseSequence], margin: float = 0.15
+    frames: Iterable[tuple[float, np.ndarray]],
+    poses: Sequence[PoseSequence],
+    margin: float = 0.15,
+    height: int | None = None,
 ) -> tuple[Iterator[tuple[float, np.ndarray]], list[PoseSequence]]:
     """The frames, cropped to where the people of ``poses`` are in all their time; and the poses in them.
 
@@ -145,15 +150,32 @@ def cropped(
         In pixels of the frames.
     margin : float
         On each side, as a share of the longer side of that place.
+    height : int, optional
+        What they are scaled to, in pixels, so that what is written into them is as large as it is looked at.
     """
+    import cv2
+
     place = room_around([pose.box for pose in poses if pose.box], margin)
     corner = np.array([place[1].start, place[0].start], np.float32)
-    moved = [replace(pose, keypoints=pose.keypoints - corner, frame_size=None) for pose in poses]
-    return ((time, frame[place]) for time, frame in frames), moved
+    edge = np.array(poses[0].frame_size or (place[1].stop, place[0].stop))
+    wide, high = (np.minimum((place[1].stop, place[0].stop), edge) - corner).tolist()
+    scale = 1.0 if height is None else height / high
+    size = max(1, round(scale * wide)), round(scale * high)
+    how = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+    moved = [replace(pose, keypoints=(pose.keypoints - corner) * scale, frame_size=None) for pose in poses]
+    parts = ((time, frame[place]) for time, frame in frames)
+    if height is None:
+        return parts, moved
+    return ((time, cv2.resize(part, size, interpolation=how)) for time, part in parts), moved
 
 
 def write_strip(
-    frames: Iterable[tuple[float, np.ndarray]], path: Path, *, pictures: int = 8, height: int = 240
+    frames: Iterable[tuple[float, np.ndarray]],
+    path: Path,
+    *,
+    pictures: int = 8,
+    height: int = STRIP,
+    moments: Sequence[float] = (),
 ) -> int:
     """Write about evenly spaced frames side by side as a PNG; the number of frames seen.
 
@@ -170,6 +192,8 @@ def write_strip(
         How many at most.
     height : int
         Of each, in pixels.
+    moments : sequence of float
+        Seconds of which there is to be a picture, instead of even times.
 
     Raises
     ------
@@ -180,8 +204,10 @@ def write_strip(
 
     kept: list[np.ndarray] = []
     step, count = 1, 0
-    for _, frame in frames:
-        if count % step == 0:
+    wanted = [*(sorted(moments)[place] for place in _evenly(len(moments), pictures)), np.inf]
+    for time, frame in frames:
+        if time >= wanted[0] if moments else count % step == 0:
+            wanted = [moment for moment in wanted if moment > time]
             width = max(1, round(frame.shape[1] * height / frame.shape[0]))
             kept.append(cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA))
             if len(kept) == 2 * pictures:
@@ -189,10 +215,14 @@ def write_strip(
         count += 1
     if not kept:
         raise MediaError("no frame to draw", subject=str(path), code="E_MEDIA_WRITE")
-    chosen = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, pictures).round().astype(int))]
-    done, data = cv2.imencode(".png", np.hstack(chosen))
+    done, data = cv2.imencode(".png", np.hstack([kept[place] for place in _evenly(len(kept), pictures)]))
     if not done:
         raise MediaError("cannot be written as PNG", subject=str(path), code="E_MEDIA_WRITE")
     with replacing(path) as temporary:
         temporary.write_bytes(data.tobytes())
     return count
+
+
+def _evenly(count: int, most: int) -> list[int]:
+    """At most so many evenly spaced ones of ``count`` places."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int)).tolist() if count else []

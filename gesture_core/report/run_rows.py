@@ -36,6 +36,10 @@ COLUMNS = (
     "confidence", "score", "start", "end", "length", "near", "far", "clip", "seconds", "missing", "truth",
 )  # fmt: skip
 """Of a row of the page; ``near`` and ``far`` are positions among the examples."""
+UNALIGNED = (
+    "no row is aligned: the fitted examples of the run are gone, or of another version; "
+    "gesture explain fits them again for one input, a new run for all"
+)
 _BATCH = 64
 
 
@@ -101,10 +105,12 @@ def read_rows(
         "sureness": _sureness([row for _, row in keyed]),
         "margin_is": "score" if settings.classify.votes == 0 else "distance",
         "margin": settings.classify.margin,
+        "min_score": settings.classify.min_score,
         "confidence": settings.classify.confidence,
         "reject": settings.classify.reject,
         "spot": _event_threshold(settings),
         "network": settings.pose.model,
+        "unaligned": UNALIGNED if examples and not spotted and recognizer is None else "",
         "fingerprint": fingerprint,
         "labels": sorted({one.label for one in examples.values()}),
         "examples": [one.record() for one in examples.values()],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +127,18 @@ def test_a_strip_shows_the_beginning_and_the_end(count: int, tmp_path: Path) -> 
     assert (np.diff(shown) > 0).all() and shown[0] == 0 and shown[-1] >= 2 * 0.8 * (count - 1)
 
 
+def test_a_strip_shows_the_moments_that_are_wanted(tmp_path: Path) -> None:
+    import cv2
+
+    for wanted, shown in (([80.0, 3.5, 40.0, 40.2], [4, 40, 41, 80]), (list(range(50)), 8)):
+        pictures = ((float(i), np.full((60, 80, 3), 2 * i, np.uint8)) for i in range(100))
+        assert write_strip(pictures, tmp_path / "out.png", pictures=8, height=30, moments=wanted) == 100
+        strip = cv2.imread(str(tmp_path / "out.png"))
+        assert strip is not None
+        seen = (strip[0, ::40, 0] // 2).tolist()
+        assert seen == shown if isinstance(shown, list) else len(seen) == shown and seen[-1] == 49
+
+
 def test_the_command_renders_a_video(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -188,6 +201,16 @@ def test_a_strip_is_cropped_to_the_people() -> None:
     ((_, exact),) = at
     assert np.nanmin(moved.keypoints, axis=(0, 1)) == pytest.approx((0, 0), abs=1)
     assert exact[0, 0, 0] == (top * 600 + left) * 3
+
+
+def test_a_strip_has_its_size_before_anything_is_written_into_it() -> None:
+    one = replace(pose(), frame_size=(600, 400))
+    parts, (near,) = cropped(frames((400, 600)), [one])
+    scaled, (grown,) = cropped(frames((400, 600)), [one], height=300)
+    plain, large = next(parts)[1], next(scaled)[1]
+    scale = 300 / plain.shape[0]
+    assert large.shape[:2] == (300, round(plain.shape[1] * scale))
+    assert np.allclose(grown.keypoints, near.keypoints * scale, equal_nan=True)
 
 
 def test_what_is_written_above_a_person_is_inside_of_the_strip() -> None:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from gesture_core.classify.estimator import GestureClassifier
 from gesture_core.settings import load_settings
+from gesture_core.signals import repair
 from gesture_core.signals.chain import Chain
 from gesture_core.signals.repair import readings_apart, repaired
 from gesture_core.skeletons import COCO18
@@ -217,6 +218,29 @@ def test_zeros_are_missing_unless_the_body_is_centred_on_a_joint() -> None:
     assert (centred[:, J["neck"]] == 0).all() and repaired(source).pose is source
 
 
+def test_a_zero_that_changes_sides_with_its_hand_is_missing_there() -> None:
+    points = moving()
+    swap("wrist")(points, list(range(12, 20)))
+    points[15, J["left_wrist"]] = 0  # which is the right one by then
+    found = repaired(pose(points)).pose
+    assert not found.seen[15, J["right_wrist"]] and found.seen[15, J["left_wrist"]]
+    np.testing.assert_allclose(found.keypoints[15, J["left_wrist"]], moving()[15, J["left_wrist"]], rtol=1e-6)
+
+
+def test_joint_by_joint_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As recordings of hours are repaired, so that memory does not grow with the joints."""
+    points = np.concatenate([moving(), moving()[::-1], moving()])
+    for number, damage in enumerate(KINDS):
+        damage(points, [12 * number + 7, 12 * number + 8])
+    source = pose(points)
+    at_once = repaired(source)
+    monkeypatch.setattr(repair, "_CELLS", 1)
+    found = repaired(source)
+    assert found.frames == at_once.frames > len(KINDS)
+    np.testing.assert_array_equal(found.pose.keypoints, at_once.pose.keypoints)
+    np.testing.assert_array_equal(found.pose.scores, at_once.pose.scores)
+
+
 def test_frozen_and_doubled_frames_and_a_clock_that_stands_still_change_little() -> None:
     whole = Chain.from_settings(load_settings("modern", environment={}))
     clean = whole(pose(moving()))
@@ -296,6 +320,19 @@ def test_a_tap_that_rings_is_no_failed_reading(rate: int, seconds: int) -> None:
     values = np.random.default_rng(1).normal(0, 0.01, (rate * seconds, 3))
     values[50:58] += 3 * np.array([1, -0.5, 0.2, -0.1, 0.06, -0.04, 0.03, 0.02])[:, None]
     assert not readings_apart(values).any()
+
+
+def test_a_tap_of_one_sample_is_felt_by_several_channels_and_a_failed_packet_says_one_number() -> None:
+    still = np.random.default_rng(1).normal([0, 0, 9.8, 0, 0, 0], 0.01, (150, 6))
+    two = [[9, 4, -2, 30, 5, 0], [-3, -1, 1, 9, -2, 0]]
+    for tap in ([[3, -5, 2, 0, 0, 0]], [[1, 16, -16, 8, 2, 0]], two):
+        felt = still.copy()
+        felt[60 : 60 + len(tap)] += tap
+        assert not readings_apart(felt).any()
+    for failed in (32767.0, [32767, -32768, 32767, 250, 250, 250], [0, 500, 0, 0, 0, 0]):
+        wrong = still.copy()
+        wrong[60] = np.where(np.asarray(failed) == 0, wrong[60], failed)
+        assert readings_apart(wrong)[60].sum() in (1, 6) and readings_apart(wrong).sum() in (1, 6)
 
 
 def test_one_failed_reading_does_not_decide_a_recording() -> None:

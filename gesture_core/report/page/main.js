@@ -11,6 +11,7 @@
   document.getElementById("facts").textContent = [
     counted(rows.length, "row"), data.labels.length ? counted(data.labels.length, "label") : "", data.examples.length ? counted(data.examples.length, "example") : "",
     data.preset ? `preset ${data.preset}` : "", data.reject === null || data.kind !== "labels" ? "" : `no label beyond distance ${data.reject}`, data.margin === null || data.kind !== "labels" ? "" : `no label below margin ${data.margin}`,
+    data.min_score === null || data.kind !== "labels" ? "" : `no label below score ${data.min_score}`,
     !data.confidence || data.kind !== "labels" ? "" : `no label below confidence ${data.confidence}`,
   ].filter(Boolean).join(" · ");
   document.getElementById("foot").textContent = `gesture-core ${data.version} · run ${data.fingerprint}${gesture.base ? ` · inputs in ${gesture.base}` : ""}`;
@@ -52,10 +53,13 @@
   });
 
   const help = document.getElementById("help");
-  const open = () => help.showModal();
+  const keys = [["↓ j", "next row"], ["↑ k", "previous row"], ["Space", "play or pause"], ["a", "alignment"], ["/", "search"], ["Home End", "first, last row"], ["Esc", "close, show all"], ["?", "this list"]];
+  function open() {
+    const every = [...keys, ...(gesture.review?.keys() ?? [])];
+    document.getElementById("keys").replaceChildren(...every.map(([key, words]) => make("div", {}, make("dt", {}, make("kbd", {}, key)), make("dd", {}, words))));
+    help.showModal();
+  }
   document.getElementById("help-open").addEventListener("click", open);
-  const keys = [["↓ j", "next row"], ["↑ k", "previous row"], ["Space", "play or pause"], ["a", "alignment"], ["/", "search"], ["Home End", "first, last row"], ["Esc", "close, show all"], ["?", "this list"], ...(gesture.review?.keys ?? [])];
-  document.getElementById("keys").append(...keys.map(([key, words]) => make("div", {}, make("dt", {}, make("kbd", {}, key)), make("dd", {}, words))));
 
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || help.open) return;
@@ -81,4 +85,5 @@
   });
 
   show();
+  if (data.review && state.chosen) gesture.list.reveal(state.chosen); // where the last session ended
 })();
