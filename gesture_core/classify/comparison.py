@@ -28,7 +28,8 @@ from gesture_core.types import SignalBatch, Signals
 Series = Signals | np.ndarray
 _CHOICES = 4
 """Choices of examples that stay prepared: those that some queries still have to be compared with."""
-_SIDE_OR_AXIS = re.compile(r"^(right|left)_|_[xyz](?=[.@]|$)|/[^.@\[]*|\[[^\]]*\]")
+_SIDE = re.compile(r"^(right|left)_")
+_AXIS = re.compile(r"_[xyz](?=[.@]|$)|/[^.@\[]*|\[[^\]]*\]")
 
 
 def compare(queries: Sequence[Series], examples: Sequence[Series], settings: Settings) -> np.ndarray:
@@ -208,16 +209,17 @@ def takes_parts(settings: Settings) -> bool:
     return settings.classify.separate and settings.dtw.mode == "dependent"
 
 
-def parts(channels: Sequence[str]) -> dict[str, list[int]]:
-    """Indices of the channels of each body part by its name, in the order of first appearance.
+def parts(channels: Sequence[str], settings: Settings) -> dict[str, list[int]]:
+    """Indices of the channels of each body part, or group, by its name, in the order of first appearance.
 
     A part is named like its channels without side, axis and member: ``right_wrist_x.energy`` and
-    ``left_wrist_y.energy`` are ``wrist.energy``, ``left_fingers/thumb_x`` is ``fingers``, and
-    ``acc/x[g].velocity`` is ``acc.velocity``.
+    ``left_wrist_y.energy`` are ``wrist.energy``, ``left_fingers/thumb_x`` is ``fingers``. Groups of sensors
+    keep their side: ``left_acc/x[g].velocity`` is ``left_acc.velocity``.
     """
     places: dict[str, list[int]] = {}
     for index, channel in enumerate(channels):
-        places.setdefault(_SIDE_OR_AXIS.sub("", channel), []).append(index)
+        name = channel if settings.signals.input == "channels" else _SIDE.sub("", channel)
+        places.setdefault(_AXIS.sub("", name), []).append(index)
     return places
 
 
@@ -232,7 +234,7 @@ class _Reading:
         self._name, self._kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)
         self._separate = takes_parts(settings)
         channels = series[0].channels
-        self._parts = list(parts(channels).values()) if self._separate else [list(range(len(channels)))]
+        self._parts = list(parts(channels, settings).values()) if self._separate else [list(range(len(channels)))]
         self._states: list[Any] = []
 
     def warped(self, queries: SignalBatch, extents: Extents) -> np.ndarray:
