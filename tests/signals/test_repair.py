@@ -90,8 +90,8 @@ def test_bad_frames_leave_the_signals_nearly_as_they_were(
 
 
 def nearer(points: np.ndarray, frames: list[int]) -> None:
-    """The right wrist right in the picture, and a torso length before it."""
-    points[frames, J["right_wrist"], 2] -= TORSO
+    """The right wrist right in the picture, and two torso lengths before it."""
+    points[frames, J["right_wrist"], 2] -= 2 * TORSO
 
 
 @pytest.mark.parametrize("frames", [[0], [39], [3, 20, 33], [18, 19, 20]], ids=str)
