@@ -79,7 +79,12 @@ def main() -> int:
             queries, places = [signals[version][i] for i in kept], np.arange(len(kept))
             return [
                 recognised(
-                    table[own], [queries[i] for i in own], places[own], codes[kept], subjects[kept], {who: one}
+                    table[own],
+                    [queries[i] for i in own],
+                    places[own],
+                    codes[kept],
+                    subjects[kept],
+                    {who: one},
                 )
                 for who, one in fitted.items()
                 for own in [np.flatnonzero(subjects[kept] == who)]

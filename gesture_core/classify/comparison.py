@@ -21,6 +21,7 @@ import numpy as np
 
 from gesture_core.classify.known import KnownDistances, mark_all
 from gesture_core.errors import ConfigError, InputError
+from gesture_core.files import printable
 from gesture_core.settings import Settings
 from gesture_core.signals.mirror import mirrored
 from gesture_core.types import SignalBatch, Signals
@@ -163,7 +164,9 @@ def check_alike(series: Sequence[Series], name: str, example: Series | None = No
 
     ``name`` is what an element is called in the message.
     """
-    model, other = (series[0], f"{name} 0") if example is None else (example, "the examples")
+    model, other = (
+        (series[0], _called(f"{name} 0", series[0])) if example is None else (example, "the examples")
+    )
     for index, item in enumerate(series):
         if isinstance(item, Signals) != isinstance(model, Signals):
             raise InputError(
@@ -172,11 +175,18 @@ def check_alike(series: Sequence[Series], name: str, example: Series | None = No
                 code="E_MIXED",
             )
         if isinstance(item, Signals) and isinstance(model, Signals) and item.channels != model.channels:
+            who = _called(f"{name} {index}", item) if example is None else f"{name} {index}"
             raise InputError(
-                f"{name} {index} has other channels than {other}{_unlike(item.channels, model.channels)}",
+                f"{who} has other channels than {other}{_unlike(item.channels, model.channels)}",
                 remedy="signals of one preset, and series with the same channels in the same units",
                 code="E_DIMENSIONS",
             )
+
+
+def _called(name: str, item: Series) -> str:
+    """The place of an element, and where it comes from."""
+    source = item.source if isinstance(item, Signals) else ""
+    return f"{name} ({printable(source)})" if source else name
 
 
 def _unlike(own: Sequence[str], others: Sequence[str]) -> str:
@@ -234,7 +244,9 @@ class _Reading:
         self._name, self._kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)
         self._separate = takes_parts(settings)
         channels = series[0].channels
-        self._parts = list(parts(channels, settings).values()) if self._separate else [list(range(len(channels)))]
+        self._parts = (
+            list(parts(channels, settings).values()) if self._separate else [list(range(len(channels)))]
+        )
         self._states: list[Any] = []
 
     def warped(self, queries: SignalBatch, extents: Extents) -> np.ndarray:

@@ -196,7 +196,7 @@ def _exchanged(points: np.ndarray, last: np.ndarray, times: np.ndarray, others: 
 
 
 def _saved(sides: np.ndarray) -> np.ndarray:
-    """(T - 1, P) by how much the ways of a pair's (T, 2, P, 2 or 3) places are shorter to the other's next one.
+    """(T - 1, P) by how much the ways of a pair's (T, 2, P, 2 or 3) places are shorter to the other's next.
 
     A way that goes on as the joint moved before, or as it will move after, counts as none: hands that cross
     go on, those that are confused do not.

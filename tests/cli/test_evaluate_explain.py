@@ -393,7 +393,9 @@ def test_a_pipe_gets_json(
     out = str(tmp_path / "run")
     lines("classify", str(archive), "--examples", str(archive), "--out", out, "--kernel", "numpy")
     (why,) = lines("explain", out, "up_A.npy")
-    assert (why["label"], why["nearest"]["label"]) == ("up", "up") != (why["label"], why["runner_up"]["label"])
+    assert (
+        (why["label"], why["nearest"]["label"]) == ("up", "up") != (why["label"], why["runner_up"]["label"])
+    )
     for side in (why["nearest"], why["runner_up"]):
         assert sum(side["costs"].values()) == pytest.approx(side["distance"], rel=1e-3, abs=1e-6)
     assert sum(one["added"] for one in why["examples"]) == pytest.approx(why["members"]["weighed"], rel=1e-3)

@@ -194,7 +194,7 @@ def test_a_file_of_a_video_cd_is_a_video(tmp_path: Path) -> None:
         ("sound", b"OggS" + bytes(24) + b"\x01vorbis" + bytes(64)),
         ("LICENSE", b"The free software, and no box of that size"),
         ("notes.txt", b"the free software, and no box of that size" * 100),
-        ("data.json", b"{\"a\"free" + bytes(64)),
+        ("data.json", b'{"a"free' + bytes(64)),
         ("thumb.jpg", b"\xff\xd8\xff\xe0" + bytes(64)),
         ("Makefile", b"GNU = make\n" * 40),
         ("nothing", b""),
