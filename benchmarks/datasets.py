@@ -91,7 +91,7 @@ def body_gesture(shared: Path) -> list[Item]:
             fps = _avi_rate(root / subject / f"{clip}.avi")
             pose = PoseSequence(
                 points, marks[:, :, 3], np.arange(len(points)) / fps, "blazepose33", (640, 480), source=key
-            ).as_coco18()
+            ).onto("coco18")
             items.append(Item(pose, clip.split("_")[0], subject, key, "static" if kind == "s" else "dynamic"))
     return items
 

@@ -199,7 +199,7 @@ def classification(
     videos = gesture_videos(shared)
     accuracy = []
     for network in (student, teacher):
-        poses = [network.frames(video, step).as_coco18() for video in videos]
+        poses = [network.frames(video, step).onto("coco18") for video in videos]
         accuracy.append(told_apart(videos, poses, preset))
         print(f"B1    {network.name:20} preset {preset}, every {step}. frame: {accuracy[-1]:.1f} %")
     return [Gate("B1", "gestures, points of accuracy lost to hpe0001", accuracy[1] - accuracy[0], 8, 3)]
@@ -223,7 +223,7 @@ def as_used(shared: Path, student: Extractor, preset: str, rate: float) -> list[
     """G: the student with ``pose.rate`` beside the landmark files, and UTD as it is."""
     by_clip = {f"{item.subject}/{item.name.split('__')[2]}": item.pose for item in body_gesture(shared)}
     videos = gesture_videos(shared)
-    mine = told_apart(videos, [student.at_rate(video, rate).as_coco18() for video in videos], preset)
+    mine = told_apart(videos, [student.at_rate(video, rate).onto("coco18") for video in videos], preset)
     theirs = told_apart(videos, [by_clip[f"{video.parent.name}/{video.stem}"] for video in videos], preset)
     print(
         f"G1    {student.name:20} preset {preset}, pose.rate {rate:g}: {mine:.1f} %, landmarks {theirs:.1f} %"

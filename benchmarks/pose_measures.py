@@ -85,7 +85,7 @@ def compare(student: PoseSequence, teacher: PoseSequence, witness: np.ndarray | 
     With a ``witness`` (T, 18, 2), only pairs whose sides it sees as the teacher does can be swapped: the
     peaks of a teacher who looks at whole pictures are at times those of a passer-by.
     """
-    mine, theirs = student.as_coco18(), teacher.as_coco18()
+    mine, theirs = student.onto("coco18"), teacher.onto("coco18")
     points = mine.keypoints
     visible = theirs.scores >= VISIBLE
     truth = np.where(visible[..., None], theirs.keypoints, np.nan)
@@ -116,7 +116,7 @@ def to_authors(pose: PoseSequence, table: np.ndarray) -> tuple[np.ndarray, np.nd
     The authors' first frame is lost, and frames with a missing joint: where the table is shorter
     than that, the offset with the smallest mean distance counts. Only frames with all 18 joints count.
     """
-    points = pose.as_coco18().keypoints.astype(np.float64)
+    points = pose.onto("coco18").keypoints.astype(np.float64)
     best = (np.full((0, 18), np.inf), np.full((0, 18), np.inf))
     for offset in range(1, max(2, len(points) - len(table) + 1)):
         mine = points[offset : offset + len(table)]

@@ -32,7 +32,7 @@ from gesture_core.spot.candidates import Candidate
 from gesture_core.spot.evaluation import Annotation, score_events
 from gesture_core.spot.examples import NONE
 from gesture_core.spot.explanation import subsequence_path
-from gesture_core.spot.signals import part_of, spans, stream_chain
+from gesture_core.spot.signals import spans, stream_chain
 from gesture_core.spot.suppression import Suppression
 from gesture_core.types import Event, Signals
 
@@ -92,7 +92,9 @@ def sliding(
                 for start in np.arange(span.times[0], span.times[-1] - length, _HOP):
                     first, stop = np.searchsorted(span.times, (start, start + length))
                     try:
-                        windows.append((start, start + length, chain(part_of(span, int(first), int(stop)))))
+                        windows.append(
+                            (start, start + length, chain(span.part(slice(int(first), int(stop)))))
+                        )
                     except GestureError:  # nobody is seen there, or nothing moves
                         continue
         for begin in range(0, len(windows), _TOGETHER):
@@ -125,7 +127,10 @@ def at_points(
         item = items[event.example]
         inside = (recording.pose.times >= event.start - 1e-6) & (recording.pose.times <= event.end + 1e-6)
         frames = np.flatnonzero(inside)
-        part, example = chain(part_of(recording.pose, int(frames[0]), int(frames[-1]) + 1)), chain(item.pose)
+        part, example = (
+            chain(recording.pose.part(slice(int(frames[0]), int(frames[-1]) + 1))),
+            chain(item.pose),
+        )
         # An event may be slower or faster than a path allows: then it is that reading of the example.
         ratio = (event.end - event.start) / (example.times[-1] - example.times[0])
         if not 0.6 < ratio < 1.7:

@@ -139,7 +139,7 @@ def string_sets(shared: Path, videos: Path | None = None) -> Mapping[str, tuple[
     for name, clips in {
         "body_gesture strings": landmarks,
         "body_gesture strings, videos": [
-            replace(item, pose=item.pose.as_coco18())
+            replace(item, pose=item.pose.onto("coco18"))
             for item in (with_videos(landmarks, videos) if videos else [])
         ],
     }.items():

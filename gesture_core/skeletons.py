@@ -351,11 +351,6 @@ def with_parts(body: str, parts: Collection[str]) -> Skeleton:
     return skeleton("+".join([body, *(part for part in ("hands", "face") if part in parts)]))
 
 
-def to_coco18(keypoints: np.ndarray, scores: np.ndarray, source: Skeleton) -> tuple[np.ndarray, np.ndarray]:
-    """`mapped` to the canonical body."""
-    return mapped(keypoints, scores, source, COCO18)
-
-
 def mapped(
     keypoints: np.ndarray, scores: np.ndarray, source: Skeleton, target: Skeleton
 ) -> tuple[np.ndarray, np.ndarray]:

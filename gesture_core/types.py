@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gesture_core.errors import InputError, KeypointError, SignalError
+from gesture_core.errors import GestureError, InputError, KeypointError, SignalError
 from gesture_core.errors import Status as Status
 from gesture_core.recordings import Recording as Recording
 from gesture_core.records import COLUMNS as COLUMNS
@@ -40,9 +40,12 @@ def _frozen(array: np.ndarray, dtype: type) -> np.ndarray:
     return copy
 
 
-def _ascending(times: np.ndarray) -> bool:
-    """Whether ``times`` are finite and never decrease."""
-    return bool(np.isfinite(times).all() and (np.diff(times) >= 0).all())
+def _seconds(times: np.ndarray, kind: type[GestureError], source: str, code: str) -> np.ndarray:
+    """``times`` as float64; an error where they are not finite, or decrease."""
+    found = _filled(times).astype(np.float64)
+    if not (np.isfinite(found).all() and (np.diff(found) >= 0).all()):
+        raise kind("times are not finite and ascending", subject=source, code=code)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,34 +123,20 @@ class PoseSequence:
     def __post_init__(self) -> None:
         points = _single(self.keypoints)
         joints = len(skeleton(self.skeleton).joints)
-        if points.ndim != 3 or points.shape[1:] not in ((joints, 2), (joints, 3)):
-            raise KeypointError(
-                f"keypoints have shape {points.shape}, {self.skeleton} needs (T, {joints}, 2 or 3)",
-                subject=self.source,
-                code="E_KEYPOINTS_SHAPE",
-            )
-        frames = points.shape[0]
-        if np.shape(self.scores) != (frames, joints) or np.shape(self.times) != (frames,):
-            raise KeypointError(
-                f"scores {np.shape(self.scores)} and times {np.shape(self.times)} "
-                f"do not fit {frames} frames of {joints} joints",
-                subject=self.source,
-                code="E_KEYPOINTS_SHAPE",
-            )
         depth = None if self.depth is None else _single(self.depth)
-        if depth is not None and (depth.shape != (frames, joints) or points.shape[2] == 3):
-            raise KeypointError(
-                f"depth {depth.shape} does not fit keypoints of shape {points.shape}",
-                subject=self.source,
-                code="E_KEYPOINTS_SHAPE",
-            )
+        given = f"scores {np.shape(self.scores)} and times {np.shape(self.times)}"
+        wrong = ""
+        if points.ndim != 3 or points.shape[1:] not in ((joints, 2), (joints, 3)):
+            wrong = f"keypoints have shape {points.shape}, {self.skeleton} needs (T, {joints}, 2 or 3)"
+        elif np.shape(self.scores) != points.shape[:2] or np.shape(self.times) != points.shape[:1]:
+            wrong = f"{given} do not fit {len(points)} frames of {joints} joints"
+        elif depth is not None and (depth.shape != points.shape[:2] or points.shape[2] == 3):
+            wrong = f"depth {depth.shape} does not fit keypoints of shape {points.shape}"
+        if wrong:
+            raise KeypointError(wrong, subject=self.source, code="E_KEYPOINTS_SHAPE")
         if np.isinf(points).any() or (depth is not None and np.isinf(depth).any()):
             raise KeypointError("a coordinate is infinite", subject=self.source, code="E_KEYPOINTS_VALUE")
-        times = _filled(self.times).astype(np.float64)
-        if not _ascending(times):
-            raise KeypointError(
-                "times are not finite and ascending", subject=self.source, code="E_KEYPOINTS_TIMES"
-            )
+        times = _seconds(self.times, KeypointError, self.source, "E_KEYPOINTS_TIMES")
         missing = np.isnan(points).any(axis=2)
         points = np.where(missing[..., None], np.float32(np.nan), points)
         scores = np.where(missing, 0, np.nan_to_num(_filled(self.scores), nan=0.0, posinf=1.0))
@@ -208,10 +197,6 @@ class PoseSequence:
         points = np.concatenate([self.keypoints, self.depth[..., None]], axis=2)
         return replace(self, keypoints=points, depth=None)
 
-    def as_coco18(self) -> PoseSequence:
-        """The same sequence in the canonical body (itself where it already is)."""
-        return self.onto(COCO18.name)
-
     def onto(self, name: str) -> PoseSequence:
         """The same sequence in the skeleton called ``name`` (itself where it already is)."""
         if self.skeleton == name:
@@ -220,10 +205,8 @@ class PoseSequence:
         points, scores = mapped(self.keypoints, self.scores, own, target)
         if depth is not None:
             depth = mapped(depth, self.scores, own, target)[0]
-        provenance = {**self.provenance, "source_skeleton": self.skeleton}
-        return replace(
-            self, keypoints=points, scores=scores, skeleton=name, provenance=provenance, depth=depth
-        )
+        made = {**self.provenance, "source_skeleton": self.skeleton}
+        return replace(self, keypoints=points, scores=scores, skeleton=name, provenance=made, depth=depth)
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,34 +244,20 @@ class Signals:
     apart: int = 0
 
     def __post_init__(self) -> None:
-        values = _single(self.values)
-        if values.ndim != 2 or values.shape[1] != len(self.channels) or 0 in values.shape:
-            raise SignalError(
-                f"signals have shape {values.shape}, expected (T, {len(self.channels)}) with T at least 1",
-                subject=self.source,
-                code="E_SIGNAL_SHAPE",
-            )
-        if np.shape(self.times) != (len(values),):
-            raise SignalError(
-                f"{len(values)} frames but times of shape {np.shape(self.times)}",
-                subject=self.source,
-                code="E_SIGNAL_SHAPE",
-            )
-        times = _filled(self.times).astype(np.float64)
-        if not _ascending(times):
-            raise SignalError(
-                "times are not finite and ascending", subject=self.source, code="E_SIGNAL_TIMES"
-            )
-        width = len(self.channels)
+        values, width = _single(self.values), len(self.channels)
         every = np.ones(width, bool)
         mask = every if self.mask is None else np.asarray(self.mask, bool)
         present = every if self.present is None else np.asarray(self.present, bool)
-        if mask.shape != (width,) or present.shape != (width,):
-            raise SignalError(
-                f"masks of shape {mask.shape} and {present.shape} for {width} channels",
-                subject=self.source,
-                code="E_SIGNAL_SHAPE",
-            )
+        wrong = ""
+        if values.ndim != 2 or values.shape[1] != width or 0 in values.shape:
+            wrong = f"signals have shape {values.shape}, expected (T, {width}) with T at least 1"
+        elif np.shape(self.times) != (len(values),):
+            wrong = f"{len(values)} frames but times of shape {np.shape(self.times)}"
+        elif mask.shape != (width,) or present.shape != (width,):
+            wrong = f"masks of shape {mask.shape} and {present.shape} for {width} channels"
+        if wrong:
+            raise SignalError(wrong, subject=self.source, code="E_SIGNAL_SHAPE")
+        times = _seconds(self.times, SignalError, self.source, "E_SIGNAL_TIMES")
         values = np.where(present, values, 0)
         if not np.isfinite(values).all():
             bad = self.channels[int(np.argmin(np.isfinite(values).all(axis=0)))]
@@ -373,8 +342,7 @@ class SignalBatch:
                 )
         lengths = np.array([len(array) for array in arrays], np.int64)
         values: np.ndarray = np.zeros((len(arrays), int(lengths.max()), width), dtype)
-        masks = np.ones((len(arrays), width), bool)
-        present = np.ones((len(arrays), width), bool)
+        masks, present = np.ones((2, len(arrays), width), bool)
         for index, (item, array) in enumerate(zip(series, arrays, strict=True)):
             values[index, : len(array)] = array
             if isinstance(item, Signals):
@@ -391,9 +359,8 @@ def _matrix(item: Signals | np.ndarray, index: int, name: str) -> np.ndarray:
         array = item.values if isinstance(item, Signals) else np.asarray(item)
     except (TypeError, ValueError, RuntimeError) as error:  # torch raises the last of these, JAX the first
         module = type(item).__module__.partition(".")[0]
-        remedy = {"torch": "tensor.detach().cpu()", "jax": "concrete arrays, outside of jit and grad"}.get(
-            module
-        )
+        ways = {"torch": "tensor.detach().cpu()", "jax": "concrete arrays, outside of jit and grad"}
+        remedy = ways.get(module)
         reason = f": {str(error).partition(chr(10))[0]}" if remedy else ""
         raise InputError(
             f"{name} {index} is no array of numbers{reason}",

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gesture_core.errors import GestureError, InputError, KeypointError, MediaError, SignalError
-from gesture_core.skeletons import BLAZEPOSE33, BODY25, COCO17, COCO18, MPI15, SKELETONS, to_coco18
+from gesture_core.skeletons import BLAZEPOSE33, BODY25, COCO17, COCO18, MPI15, SKELETONS, mapped
 from gesture_core.types import PoseSequence, SignalBatch, Signals
 
 
@@ -67,7 +67,7 @@ def test_depth_follows_its_joints() -> None:
     assert pose.depth is not None and np.isnan(pose.depth[1, 3]) and pose.depth[2, 3] == 69
     part = pose.part(slice(2, 4))
     assert len(part) == 2 and part.depth is not None and part.depth[0, 3] == 69
-    body = pose.as_coco18()
+    body = pose.onto("coco18")
     assert body.depth is not None
     wrist = BLAZEPOSE33.index("left_wrist")
     np.testing.assert_array_equal(body.depth[:, COCO18.index("left_wrist")], depth[:, wrist])
@@ -96,7 +96,7 @@ def test_mirrors_and_limbs_name_joints(skeleton) -> None:  # type: ignore[no-unt
 @pytest.mark.parametrize("source", [COCO17, BODY25, MPI15, BLAZEPOSE33], ids=lambda s: s.name)
 def test_every_skeleton_maps_to_coco18_by_name(source) -> None:  # type: ignore[no-untyped-def]
     made = pose(3, len(source.joints), source.name)
-    points, scores = to_coco18(made.keypoints, made.scores, source)
+    points, scores = mapped(made.keypoints, made.scores, source, COCO18)
     for joint in ("right_wrist", "left_hip", "right_ankle"):
         np.testing.assert_array_equal(points[:, COCO18.index(joint)], made.keypoints[:, source.index(joint)])
         np.testing.assert_array_equal(scores[:, COCO18.index(joint)], made.scores[:, source.index(joint)])

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gesture_core.classify.learning import ExampleWeights, calibrated_thresholds, learn_weights, medoids
 from gesture_core.errors import ConfigError, InputError, PluginError
+from gesture_core.plugin.abilities import LeavesOut, OrdersClasses
 from gesture_core.plugin.hooks import KINDS
-from gesture_core.plugin.interfaces import Classifier, LeavesOut, OrdersClasses
 from gesture_core.plugin.registry import calling, name_of, registry
 from gesture_core.settings import ClassifySettings, Settings
 from gesture_core.types import Signals
+
+if TYPE_CHECKING:
+    from gesture_core.plugin.interfaces import Classifier
 
 _MOST = 200
 """Times that examples are left out."""
@@ -205,7 +209,7 @@ def choose_classifier(settings: Settings) -> Classifier:
     if chosen.votes:
         own["neighbors"] = chosen.votes
     taken = {key: value for key, value in own.items() if plugins.takes("classifier", name, key)}
-    made: Classifier = plugins.make("classifier", name, settings.plugin_options(name), **taken)
+    made: Classifier = plugins.make("classifier", name, settings.options.get(name, {}), **taken)
     return made
 
 

@@ -11,7 +11,7 @@ from gesture_core.classify.comparison import Extents, comparable, pair_divisors,
 from gesture_core.classify.decision import k_nearest, named_examples, votes_of
 from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.errors import InputError
-from gesture_core.plugin.interfaces import Contributes, HasMembers
+from gesture_core.plugin.abilities import Contributes, HasMembers
 from gesture_core.settings import Settings
 from gesture_core.signals.mirror import mirrored
 from gesture_core.types import Signals

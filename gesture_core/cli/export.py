@@ -102,6 +102,8 @@ def _export_events(run: Path, format: str, to: str, said: bool) -> None:
     target = Path(to) if to else run / ("events.json" if one else "events")
     check_file(target, flag="--to") if one else check_folder(target, flag="--to")
     with open_results(run) as results, results.failures():
-        written = write_event_files(results.rows(), format, target)
+        written = write_event_files(
+            results.rows(), format, target, results.place_of, stays=said
+        )  # what goes to an address lies here for a while
     if said:
         print(written[0] if len(written) == 1 else f"{target}: {counted(len(written), 'file')}")

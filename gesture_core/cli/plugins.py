@@ -118,7 +118,8 @@ def _make(found: Registry, entry: Registration) -> None:
     GestureError, OSError
         Whatever is wrong with it, such as a pose backend that takes no ``model``.
     """
-    from gesture_core.plugin.interfaces import INTERFACES, Closeable
+    from gesture_core.plugin.abilities import Closeable
+    from gesture_core.plugin.interfaces import INTERFACES
     from gesture_core.pose.models import choose_pose, find_model
 
     target, kind = found.load(entry.kind, entry.name), KINDS[entry.kind]
@@ -163,7 +164,7 @@ def _show(found: Registry, name: str) -> None:
             continue
         columns, rows = ["option", "default"], [[f"{name}.{option}", value] for option, value in options]
         settings = load_settings()
-        chosen = settings.plugin_options(name)
+        chosen = settings.options.get(name, {})
         if chosen:
             columns.append(f"preset {settings.preset}")
             for row, (option, _) in zip(rows, options, strict=True):

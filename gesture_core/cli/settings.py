@@ -99,7 +99,7 @@ def _section(section: str, settings: Settings) -> Iterator[Setting]:
 
 def _plugin(name: str, settings: Settings) -> Iterator[Setting]:
     """The options of every plugin of this name, whatever its kind."""
-    base, given = name.partition(":")[0], settings.plugin_options(name)
+    base, given = name.partition(":")[0], settings.options.get(name, {})
     for kind, plugin in registry().entries:
         if plugin == base:
             target = registry().load(kind, base)

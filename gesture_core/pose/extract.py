@@ -60,7 +60,7 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
         for key, value in shared.items()
         if value is not None and plugins.takes("pose", pose.backend, key)
     }
-    options |= settings.plugin_options(pose.backend)
+    options |= settings.options.get(pose.backend, {})
     backend: PoseBackend = plugins.make("pose", pose.backend, options, model=find_model(pose.model))
     if part := lacking("pose", backend):
         raise PluginError(

@@ -330,7 +330,7 @@ def _resolved(settings: Settings, name: str) -> PoseSettings:
             code="E_OPTION",
         )
     here = _devices(backend)
-    own = str(settings.plugin_options(backend).get("device", "auto"))
+    own = str(settings.options.get(backend, {}).get("device", "auto"))
     for setting, remedy in _BUILDS.items():
         wanted, key = vars(pose)[setting], f"pose.{setting}"
         if own != "auto" and setting in here:  # the backend's own option goes first
@@ -380,8 +380,8 @@ def backend_name(model: ModelFile) -> str:
     return next((name for name in _FIRST if name in able), able[0])
 
 
-def described(settings: Settings) -> str:
-    """What finds people under settings from `choose_pose`, and what the strongest network would bring."""
+def described(settings: Settings, *, hint: bool = False) -> str:
+    """What finds people under settings from `choose_pose`; as a ``hint``, what a stronger one would bring."""
     pose, known = settings.pose, known_models()
     device = next((one for one in (pose.provider, pose.target) if one != "auto"), "")
     text = f"{pose.model} on {pose.backend}" + (f" ({device})" if device else "")
@@ -389,7 +389,7 @@ def described(settings: Settings) -> str:
     if here and here.frames:
         text += f", about {here.frames} frames/s a core"
         text += ", a third of that with hands" if "hands" in settings.keypoints.parts else ""
-    if here and here.name in auto_models()[1:] and not is_here(best.name):
+    if hint and here and here.name in auto_models()[1:] and not is_here(best.name):
         text += (
             f"; 'gesture models get {best.name}' brings a stronger network: {best.gestures} % of 15 gestures "
             f"of a new person instead of {here.gestures} %, at {best.frames} frames/s"

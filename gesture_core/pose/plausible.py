@@ -47,7 +47,7 @@ def check_plausible(pose: PoseSequence, *, axes_stated: bool = False) -> list[st
     zero = placeholders(pose)
     if zero.any() and not zero[pose.seen].all():
         pose = replace(pose, keypoints=np.where(zero[..., None], np.float32(np.nan), pose.keypoints))
-    body = pose.as_coco18()
+    body = pose.onto("coco18")
     points = body.keypoints.astype(np.float64)
     points = points[body.seen.any(axis=1)]
     if len(points) < _FRAMES:

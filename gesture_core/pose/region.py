@@ -18,7 +18,7 @@ import numpy as np
 
 from gesture_core.plugin.abilities import RegionFollowing
 from gesture_core.pose.follow import PAUSE, Anatomy, Body, Follower, Frame
-from gesture_core.skeletons import COCO18, skeleton, to_coco18
+from gesture_core.skeletons import COCO18, mapped, skeleton
 from gesture_core.types import Person
 
 if TYPE_CHECKING:
@@ -235,5 +235,6 @@ def _around(person: Person | None) -> Region | None:
 
 
 def _in_coco18(person: Person, backend: PoseBackend) -> Person:
-    points, scores = to_coco18(person.keypoints[None], person.scores[None], skeleton(backend.skeleton))
+    own = skeleton(backend.skeleton)
+    points, scores = mapped(person.keypoints[None], person.scores[None], own, COCO18)
     return Person(points[0], scores[0])

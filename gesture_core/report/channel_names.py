@@ -60,7 +60,7 @@ class ChannelNames:
         self._length = _LENGTHS.get(settings.signals.normalizer, "")
         self._joints = settings.signals.input != "channels"
         parts = next((name for name in self._filters if name.partition(":")[0] == "parts"), None)
-        self._weights = None if parts is None else _terms(settings.plugin_options(parts).get("weights", {}))
+        self._weights = None if parts is None else _terms(settings.options.get(parts, {}).get("weights", {}))
 
     def __call__(self, channel: str) -> ChannelName:
         """The name of a channel; as it is where nothing better is known."""

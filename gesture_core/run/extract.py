@@ -89,7 +89,7 @@ class OpenEngine:
         self._settings, self._identity = settings, identity
         self._job = Job(settings.as_dict(), str(keypoint_store()), pose_keys(identity), threads)
         self._entry = registry().find("engine", engine)
-        options = settings.plugin_options(engine)
+        options = settings.options.get(engine, {})
         self._engine: ExecutionEngine = registry().make(
             "engine", engine, options, workers=workers, limits=settings.limits
         )

@@ -50,7 +50,7 @@ def pose_identity(settings: Settings, items: Collection[Input]) -> dict[str, Any
         "readers": {
             name: {
                 "origin": plugins.find("reader", name).identity,
-                "options": settings.plugin_options(name),
+                "options": settings.options.get(name, {}),
                 **shared,
             }
             for name in plugins.names("reader", usable=True)
@@ -83,11 +83,11 @@ def _video_identity(settings: Settings) -> dict[str, Any]:
         "times": settings.as_dict()["video"],
         **({"depth": True} if settings.keypoints.depth else {}),
         "backend": plugins.find("pose", settings.pose.backend).identity,
-        "options": settings.plugin_options(settings.pose.backend),
+        "options": settings.options.get(settings.pose.backend, {}),
         "reader": {
             "name": reader,
             "origin": plugins.find("video", reader).identity,
-            "options": settings.plugin_options(reader),
+            "options": settings.options.get(reader, {}),
         },
         "model": model,
     }

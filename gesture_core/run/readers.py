@@ -25,8 +25,8 @@ _OTHERS = {
         (".pt .pth", "a pickle of PyTorch, which can run any code: save the array once, with numpy.save"),
         (".slp", "a project of SLEAP: sleap-convert --format analysis makes a file that is read"),
         (".skeleton", f"a skeleton file of NTU: {_SAVE}"),
-        (".bvh .fbx .mot .sto .amc .vmd", f"angles of joints: export the places of the joints, {_SAVE}"),
-        (".c3d .glb .gltf .usd", f"a motion capture in three dimensions: export .trc, or {_SAVE}"),
+        (".fbx .mot .sto .amc .vmd", f"angles of joints: export the places of the joints, {_SAVE}"),
+        (".glb .gltf .usd", f"a motion capture in three dimensions: export .trc, or {_SAVE}"),
         (".cwa .gt3x .mtb .mvnx", f"a log in the device's own form: {_SAVE}"),
         (".dat .asc .out", "perhaps a table of numbers: call it .txt"),
     )

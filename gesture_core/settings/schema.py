@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal, cast
 
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError
@@ -216,9 +216,8 @@ class ClassifySettings(_Section):
     @property
     def decides(self) -> str:
         """The classifier, where ``auto`` is none."""
-        if self.classifier == "auto":
-            return "nearest" if self.neighbors else "blend"
-        return self.classifier
+        auto = "nearest" if self.neighbors else "blend"
+        return auto if self.classifier == "auto" else self.classifier
 
     @property
     def votes(self) -> int:
@@ -300,52 +299,29 @@ class LimitSettings(_Section):
     cache: int = 10_240
 
 
-SECTIONS: Mapping[str, type] = {
-    "video": VideoSettings,
-    "pose": PoseSettings,
-    "keypoints": ReadOptions,
-    "signals": SignalSettings,
-    "dtw": DtwSpec,
-    "classify": ClassifySettings,
-    "spot": SpotSettings,
-    "limits": LimitSettings,
-}
-
-
-BOUNDS: Mapping[str, tuple[float, float]] = {
-    "video.fps": (0.001, 100_000),
-    "video.retime": (0.001, 100_000),
-    "pose.height": (32, 4096),
-    "pose.rate": (0, 100_000),
-    "pose.score": (0, 1),
-    "signals.max_gap": (0, _INFINITE),
-    "signals.min_seen": (0, 1),
-    "signals.min_frames": (1, 1e9),
-    "classify.neighbors": (0, 1e9),
+_RANGES = {
+    "pose.score signals.min_seen classify.confidence classify.min_pose classify.relative": (0, 1),
+    "signals.max_gap classify.reject_sd classify.margin classify.rest": (0, _INFINITE),
+    "classify.reject": (-_INFINITE, _INFINITE),
+    "classify.mirror": (1, _INFINITE),
+    "classify.neighbors limits.cache": (0, 1e9),
+    "signals.min_frames classify.landmarks limits.frames": (1, 1e9),
     "classify.sharpness": (0.01, 100),
     "classify.shrinkage": (1e-6, 1e6),
-    "classify.landmarks": (1, 1e9),
-    "classify.reject": (-_INFINITE, _INFINITE),
-    "classify.reject_sd": (0, _INFINITE),
-    "classify.margin": (0, _INFINITE),
-    "classify.confidence": (0, 1),
-    "classify.min_pose": (0, 1),
-    "classify.mirror": (1, _INFINITE),
-    "classify.relative": (0, 1),
-    "classify.rest": (0, _INFINITE),
-    "spot.floor": (0, _INFINITE),
-    "spot.threshold": (0, _INFINITE),
-    "spot.tolerance": (0, 100),
+    "video.fps video.retime": (0.001, 100_000),
+    "pose.rate": (0, 100_000),
+    "pose.height": (32, 4096),
+    "spot.floor spot.threshold": (0, _INFINITE),
     "spot.overlap": (0, 1),
+    "spot.tolerance": (0, 100),
     "spot.patience": (0, 3600),
     "spot.merge": (0, 60),
     "spot.gap": (0.05, 3600),
     "limits.pixels": (1, 1e12),
-    "limits.frames": (1, 1e9),
-    "limits.seconds": (0.1, _INFINITE),
     "limits.memory": (64, 1e9),
-    "limits.cache": (0, 1e9),
+    "limits.seconds": (0.1, _INFINITE),
 }
+BOUNDS = {name: bounds for names, bounds in _RANGES.items() for name in names.split()}
 """Least and greatest value of each number; `DtwSpec` and `ReadOptions` check those of their sections."""
 
 
@@ -359,8 +335,6 @@ class Settings:
     >>> settings = load_settings("paper", ["neighbors=3"])
     >>> settings.classify.neighbors, settings.signals.filters
     (3, ('gaussian', 'center'))
-    >>> settings.with_values([("dtw.window", 0.1)]).dtw.window
-    0.1
     """
 
     preset: str = DEFAULT_PRESET
@@ -380,39 +354,31 @@ class Settings:
         A name is that of the settings: ``gaussian:wide`` is a second ``gaussian``, whose options are those
         of ``[options."gaussian:wide"]``. The kernel is missing as long as it is ``auto``, or none is used.
         """
-        chosen = self.signals
-        body = [("normalizer", chosen.normalizer)] if chosen.input == "keypoints" else []
-        steps = [*body, ("selector", chosen.selector)]
-        for name in dict.fromkeys([*chosen.filters, *self.spot.chain]):
-            steps.append(("filter", name))
-        kernel = self.classify.kernel
-        steps += [] if kernel in ("", "auto") else [("kernel", kernel)]
-        return [*steps, ("classifier", self.classify.decides)]
-
-    def plugin_options(self, name: str) -> dict[str, Any]:
-        """Keyword arguments of plugin ``name``."""
-        return dict(self.options.get(name, {}))
+        chosen, kernel = self.signals, self.classify.kernel
+        return [
+            *([("normalizer", chosen.normalizer)] if chosen.input == "keypoints" else []),
+            ("selector", chosen.selector),
+            *(("filter", name) for name in dict.fromkeys([*chosen.filters, *self.spot.chain])),
+            *([("kernel", kernel)] if kernel not in ("", "auto") else []),
+            ("classifier", self.classify.decides),
+        ]
 
     def as_dict(self) -> dict[str, Any]:
         """The whole tree as plain dicts, lists and scalars, without the preset's name.
 
-        Raises
-        ------
-        ConfigError
-            For a band that is a mask, which has no such form.
+        A ConfigError for a band that is a mask, which has no such form.
         """
         if self.dtw.mask is not None:
-            raise ConfigError(
-                "dtw.mask cannot be written down with a run",
-                remedy="dtw.window or dtw.shape; masks are for GestureClassifier and warping_distances",
-                code="E_OPTION",
-            )
+            remedy = "dtw.window or dtw.shape; masks are for GestureClassifier and warping_distances"
+            raise ConfigError("dtw.mask cannot be written down with a run", remedy=remedy, code="E_OPTION")
         tree: dict[str, Any] = json.loads(json.dumps(asdict(self)))
         del tree["preset"]
         return tree
 
     def with_values(self, values: Iterable[tuple[str, Any]], origin: str = "--set") -> Settings:
         """The settings with ``(dotted key, value)`` pairs changed.
+
+        A ConfigError for an unknown key (naming the nearest one) or a value of the wrong type.
 
         Parameters
         ----------
@@ -421,12 +387,13 @@ class Settings:
             key such as ``window`` is accepted where only one section or plugin has it.
         origin : str
             Where the values were given, for errors.
-
-        Raises
-        ------
-        ConfigError
-            For an unknown key (naming the nearest one) or a value of the wrong type.
         """
         from gesture_core.settings.load import changed  # which reads text; here is only what there is
 
         return changed(self, values, origin)
+
+
+SECTIONS: Mapping[str, type] = {
+    part.name: cast(type, part.default_factory) for part in fields(Settings)[1:-1]
+}
+"""The class of each section: all between the preset and the options."""

@@ -85,7 +85,7 @@ class Chain:
         rule = GapRule(chosen.max_gap, chosen.min_seen, chosen.min_frames, settings.classify.min_pose)
 
         def make(kind: str, name: str) -> Any:
-            return registry().make(kind, name.partition(":")[0], settings.plugin_options(name))
+            return registry().make(kind, name.partition(":")[0], settings.options.get(name, {}))
 
         normalizer = make("normalizer", chosen.normalizer) if chosen.input == "keypoints" else None
         if isinstance(normalizer, WholeBody) and not settings.keypoints.whole:

@@ -55,6 +55,8 @@ _APART = 20.0
 _FEW = 0.02
 _RINGING = 2.0
 """Times as far as these, beside what is apart: a sensor that is hit swings, one that fails does not."""
+_SAME = 1e-3
+"""Of a full scale, by which two channels that show it may differ."""
 
 
 class Repair(NamedTuple):
@@ -68,7 +70,8 @@ def readings_apart(values: np.ndarray) -> np.ndarray:
     """Which (T, D) readings of channels, NaN where missing, a sensor did not mean: a full scale, a lost bit.
 
     They are far from all others of their channel, and at most two in a row: what three show is a movement, as
-    is what rings before or after. A channel whose other readings are all the same tells nothing.
+    is what rings before or after, and a tap that several channels feel, each in its own way: a packet that
+    failed has the same number in all of them. A channel whose other readings are all the same tells nothing.
     """
     with np.errstate(invalid="ignore"):
         away = np.abs(values - _medians(values))
@@ -79,7 +82,18 @@ def readings_apart(values: np.ndarray) -> np.ndarray:
     middle = unusual[1:-1] & unusual[:-2] & unusual[2:]
     near = np.pad(middle, ((1, 1), (0, 0)))
     apart &= ~(apart & (near[:-2] | near[1:-1] | near[2:])).any(axis=0)
+    apart[_felt_by_several(np.abs(values), unusual[1:-1])] = False
     return apart
+
+
+def _felt_by_several(sizes: np.ndarray, unusual: np.ndarray) -> np.ndarray:
+    """(T,) bool: samples in which several channels are unusual, mostly by (T, D) ``sizes`` of their own."""
+    found = np.flatnonzero(unusual.sum(axis=1) > 1)
+    own = np.sort(np.where(unusual[found], sizes[found], np.nan), axis=1)
+    steps = np.diff(own, axis=1) > _SAME * own[:, 1:]
+    felt = np.zeros(len(sizes), bool)
+    felt[found] = 2 * (steps.sum(axis=1) + 1) > unusual[found].sum(axis=1)
+    return felt
 
 
 def _medians(values: np.ndarray) -> np.ndarray:

@@ -46,9 +46,4 @@ def spans(pose: PoseSequence, gap: float) -> Iterator[PoseSequence]:
         return
     cuts = np.flatnonzero(np.diff(pose.times[seen]) > gap) + 1
     for part in np.split(seen, cuts):
-        yield part_of(pose, int(part[0]), int(part[-1]) + 1)
-
-
-def part_of(pose: PoseSequence, start: int, stop: int) -> PoseSequence:
-    """The frames from ``start`` to before ``stop``."""
-    return pose.part(slice(start, stop))
+        yield pose.part(slice(int(part[0]), int(part[-1]) + 1))

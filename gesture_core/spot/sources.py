@@ -197,10 +197,9 @@ class Keypoints:
 
     def frames(self, say: Callable[[str], None]) -> Iterator[Frame]:
         """One frame after the other."""
-        from gesture_core.spot.signals import part_of
 
         def frame(number: int) -> Frame:
-            return float(self.pose.times[number]), lambda: part_of(self.pose, number, number + 1)
+            return float(self.pose.times[number]), lambda: self.pose.part(slice(number, number + 1))
 
         every = (frame(number) for number in range(len(self.pose)))
         yield from paced(every) if self.paced else every

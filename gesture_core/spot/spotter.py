@@ -17,7 +17,7 @@ from gesture_core.signals.chain import Chain
 from gesture_core.spot.candidates import Candidate, Search
 from gesture_core.spot.examples import NONE, SpottingExamples
 from gesture_core.spot.live import LiveSignals
-from gesture_core.spot.signals import part_of, spans, stream_chain
+from gesture_core.spot.signals import spans, stream_chain
 from gesture_core.spot.suppression import Suppression, merged
 from gesture_core.types import PoseSequence, Signals
 
@@ -199,7 +199,7 @@ class Spotter:
         """The events of a whole recording that would have been found while it went on."""
         events: list[Event] = []
         for start in range(0, len(pose), BLOCK):
-            events += self.push(part_of(pose, start, start + BLOCK))
+            events += self.push(pose.part(slice(start, start + BLOCK)))
             alive()
         return sorted(events + self.finish(), key=lambda event: (event.start, event.end))
 
@@ -286,7 +286,7 @@ class Spotter:
             start = int(np.searchsorted(pose.times, one.start - 1e-9))
             stop = max(int(np.searchsorted(pose.times, one.end + 1e-9, side="right")), start + _SHORTEST)
             with suppress(GestureError):  # such a clip would get no label either
-                usable.append((one, self._clips(part_of(pose, start, stop))))
+                usable.append((one, self._clips(pose.part(slice(start, stop)))))
         scores = recognizer.scores([signals for _, signals in usable])
         yield from zip((one for one, _ in usable), scores, strict=True)
 

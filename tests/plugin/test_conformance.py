@@ -15,7 +15,17 @@ import pytest
 import scipy.io
 from _pytest.mark import ParameterSet
 from conftest import ROOT
-from tool_files import POINTS, write_csv, write_pose, write_sleap, write_trc
+from tool_files import (
+    BONES,
+    NAMES,
+    POINTS,
+    write_bvh,
+    write_c3d,
+    write_csv,
+    write_pose,
+    write_sleap,
+    write_trc,
+)
 
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.plugin import registry
@@ -38,7 +48,7 @@ def runs_its_suite(kind: str, name: str) -> bool:
     package = type(plugin).__module__.partition(".")[0]
     tests = (ROOT / "plugins" / package / "tests").glob("test_*.py")
     texts = [file.read_text("utf-8") for file in tests]
-    return any(f"{type(plugin).__name__}()" in text and f"{kind.upper()}_CHECKS" in text for text in texts)
+    return any(f"{type(plugin).__name__}(" in text and f"{kind.upper()}_CHECKS" in text for text in texts)
 
 
 def every(*kinds: str) -> list[ParameterSet]:
@@ -52,7 +62,7 @@ def every(*kinds: str) -> list[ParameterSet]:
         )
         for kind in kinds
         for name in registry().names(kind, usable=True)
-        if kind not in ("kernel", *CHAIN) or not runs_its_suite(kind, name)
+        if kind not in ("kernel", "classifier", *CHAIN) or not runs_its_suite(kind, name)
         for check in checks_for(kind)
     ]
 
@@ -98,7 +108,7 @@ def test_the_contract_under_the_options_of_a_preset(preset: str) -> None:
     steps += [("filter", name) for name in settings.signals.filters]
     for kind, name in steps:
         for check in checks_for(kind):
-            check(registry().make(kind, name, settings.plugin_options(name)))
+            check(registry().make(kind, name, settings.options.get(name, {})))
 
 
 @pytest.mark.parametrize(("kind", "name", "check"), every("engine"))
@@ -141,10 +151,12 @@ def samples(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> dic
         line = "0 0.5 0.5 0.9 0.9 " + " ".join(f"{x} {y} 1" for x, y in joints)
         (folder / "labels" / f"clip_{number}.txt").write_text(line)
     np.savetxt(folder / "acc.csv", POINTS[:, :3, 0], "%.2f", ",", header="acc_x,acc_y,acc_z", comments="")
-    pytest.importorskip("h5py"), pytest.importorskip("pose_format")
+    pytest.importorskip("h5py"), pytest.importorskip("pose_format"), pytest.importorskip("c3d")
     flat = np.concatenate([POINTS, np.zeros_like(POINTS[..., :1])], axis=2)
     return {
         "array-frames": folder / "frames",
+        "bvh": write_bvh(folder / "clip.bvh", np.zeros((4, len(BONES), 3))),
+        "c3d": write_c3d(folder / "clip.c3d", flat * [1, -1, 1], NAMES),
         "deeplabcut-csv": write_csv(folder / "dlc.csv", [""]),
         "hdf5": write_sleap(folder / "analysis.h5"),
         "pose-format": write_pose(folder / "clip.pose"),

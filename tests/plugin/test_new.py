@@ -65,7 +65,7 @@ def clips(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("clips")
     for clip in sorted(drawn.video_keypoints.iterdir())[:2]:
         (pose,) = load_poses([clip])
-        table = np.column_stack([pose.times, pose.as_coco18().keypoints.reshape(len(pose), -1)])
+        table = np.column_stack([pose.times, pose.onto("coco18").keypoints.reshape(len(pose), -1)])
         np.savetxt(folder / f"{clip.name}.motion-text", table, header="motion-text 1")
     return folder
 

@@ -158,7 +158,7 @@ def test_other_skeletons_become_coco(tmp_path: Path) -> None:
     maps[0, :25, 5, 9] = 0.9
     frames = [(0.0, np.zeros((64, 64, 3), np.uint8))] * 3
     (pose,) = extract_poses(frames, backend(constant(tmp_path / "x.onnx", {"maps": maps})))
-    assert pose.skeleton == "body25" and pose.as_coco18().seen.all()
+    assert pose.skeleton == "body25" and pose.onto("coco18").seen.all()
 
 
 class Two:

@@ -61,7 +61,7 @@ def refused(path: Path, **said: object) -> KeypointError:
 
 def same(pose: PoseSequence, points: np.ndarray, joints: Sequence[str] = COCO18.joints) -> None:
     """The joints of a sequence are these; compared in COCO-18."""
-    found = pose.as_coco18()
+    found = pose.onto("coco18")
     for number, joint in enumerate(joints):
         if joint in COCO18.joints:
             np.testing.assert_allclose(found.keypoints[:, COCO18.index(joint)], points[:, number], atol=1e-3)

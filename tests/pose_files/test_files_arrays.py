@@ -315,5 +315,5 @@ def test_the_real_landmarks(shared: Path) -> None:
             sequence.keypoints, raw[name][..., :2] * np.array([640, 480], np.float32), rtol=1e-6
         )
         np.testing.assert_allclose(sequence.scores, raw[name][..., 3])
-        neck = sequence.as_coco18().keypoints[:, 1]
+        neck = sequence.onto("coco18").keypoints[:, 1]
         np.testing.assert_allclose(neck, sequence.keypoints[:, 11:13].mean(axis=1), rtol=1e-5)

@@ -180,7 +180,7 @@ def test_a_skeleton_from_a_file(tmp_path: Path) -> None:
     assert options.order[1] == "left_wrist" and options.order[-1] == "nose=left_shoulder+right_shoulder"
     points = np.random.default_rng(0).uniform(50, 400, (FRAMES, 6, 2))
     np.save(tmp_path / "a.npy", points)
-    pose = read(ArrayReader, tmp_path / "a.npy", options).as_coco18()
+    pose = read(ArrayReader, tmp_path / "a.npy", options).onto("coco18")
     np.testing.assert_allclose(pose.keypoints[:, 4], points[:, 2], atol=1e-3)
     np.testing.assert_allclose(pose.keypoints[:, 0], points[:, 3:5].mean(axis=1), atol=1e-3)
     again = ReadOptions(order=options.order)

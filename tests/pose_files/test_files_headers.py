@@ -67,7 +67,7 @@ def test_columns_in_every_spelling(tmp_path: Path, spelling: str, suffix: str, u
     (pose,) = read(save(tmp_path / "k.csv", header, flat(points)))
     assert pose.skeleton == "coco17" and "notes" not in pose.provenance
     same(pose, points, COCO17.joints)
-    assert np.isfinite(pose.as_coco18().keypoints[:, COCO18.index("neck")]).all()
+    assert np.isfinite(pose.onto("coco18").keypoints[:, COCO18.index("neck")]).all()
     assert pose.provenance["assumed"] == "unit=pixels, fps=30"
 
 
@@ -125,10 +125,10 @@ def test_a_part_of_a_skeleton_is_enough_and_the_rest_is_named(tmp_path: Path, ki
     points = person(joints)
     (pose,) = read(save(tmp_path / "k.csv", named(joints), flat(points)))
     same(pose, points, joints)
-    found = pose.as_coco18().seen[:, COCO18.index("neck")]
+    found = pose.onto("coco18").seen[:, COCO18.index("neck")]
     assert found.all() and "not in the file and not compared: nose" in pose.provenance["notes"]
     assert lacking in pose.provenance["notes"]
-    assert not pose.as_coco18().seen[:, COCO18.index("left_ankle")].any()
+    assert not pose.onto("coco18").seen[:, COCO18.index("left_ankle")].any()
 
 
 def test_hips_and_hands_stand_in(tmp_path: Path) -> None:

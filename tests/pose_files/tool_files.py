@@ -1,4 +1,4 @@
-"""Writes files as DeepLabCut, SLEAP, pose-format, Sports2D and Pose2Sim do, for tests that read them back."""
+"""Writes files as DeepLabCut, SLEAP, pose-format, Pose2Sim and motion captures do, for tests."""
 
 from __future__ import annotations
 
@@ -101,6 +101,60 @@ def write_trc(path: Path, points: np.ndarray, unit: str, names: list[str] = NAME
     for number, frame in enumerate(points):
         rows.append("\t".join([str(number + 1), str(number / 50 + 2), *map(str, frame.reshape(-1))]))
     path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+# Of a figure that looks along z, its left at larger x: parent, and place from there in centimetres.
+BONES = {
+    "Hips": ("", (0, 100, 0)), "Neck": ("Hips", (0, 50, 0)), "Head": ("Neck", (0, 20, 2)),
+    "LeftShoulder": ("Neck", (5, -2, 0)), "LeftArm": ("LeftShoulder", (15, 0, 0)),
+    "LeftForeArm": ("LeftArm", (28, 0, 0)), "LeftHand": ("LeftForeArm", (25, 0, 1)),
+    "RightShoulder": ("Neck", (-5, -2, 0)), "RightArm": ("RightShoulder", (-15, 0, 0)),
+    "RightForeArm": ("RightArm", (-28, 0, 0)), "RightHand": ("RightForeArm", (-25, 0, 1)),
+    "LeftUpLeg": ("Hips", (10, -5, 0)), "LeftLeg": ("LeftUpLeg", (0, -42, 1)),
+    "LeftFoot": ("LeftLeg", (0, -40, 0)),
+    "RightUpLeg": ("Hips", (-10, -5, 0)), "RightLeg": ("RightUpLeg", (0, -42, 1)),
+    "RightFoot": ("RightLeg", (0, -40, 0)),
+}  # fmt: skip
+
+
+def write_bvh(path: Path, angles: np.ndarray, order: str = "ZXY", prefix: str = "") -> Path:
+    """A file of (T, 17, 3) ``angles`` in degrees, of `BONES` in their order, around the axes of ``order``."""
+    lines, axes = ["HIERARCHY"], " ".join(f"{axis}rotation" for axis in order)
+
+    def add(name: str) -> None:
+        parent, place = BONES[name]
+        root = not parent
+        lines.append(f"{'JOINT' if parent else 'ROOT'} {prefix}{name}" + (" {" if root else ""))
+        lines.extend([] if root else ["{"])
+        lines.append(f"OFFSET {' '.join(map(str, place))}")
+        lines.append(f"CHANNELS 6 Xposition Yposition Zposition {axes}" if root else f"CHANNELS 3 {axes}")
+        under = [child for child, (above, _) in BONES.items() if above == name]
+        for child in under:
+            add(child)
+        lines.extend([] if under else ["End Site", "{", "OFFSET 0 5 0", "}"])
+        lines.append("}")
+
+    add("Hips")
+    lines += ["MOTION", f"Frames: {len(angles)}", "Frame Time: 0.02"]
+    lines += [" ".join(map(str, [3, 100, -7, *frame.reshape(-1)])) for frame in angles]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def write_c3d(path: Path, points: np.ndarray, names: list[str]) -> Path:
+    """A file of (T, N, 3) ``points`` in millimetres, NaN where a marker is lost."""
+    import c3d
+
+    writer = c3d.Writer(point_rate=50)
+    for frame in points:
+        rows = np.zeros((len(names), 5), np.float32)
+        rows[:, :3] = np.nan_to_num(frame)
+        rows[:, 3] = np.where(np.isfinite(frame).all(axis=1), 0, -1)
+        writer.add_frames([(rows, np.array([]))])
+    writer.set_point_labels(names)
+    with path.open("wb") as file:
+        writer.write(file)
     return path
 
 

@@ -317,6 +317,19 @@ def test_a_tap_that_rings_is_no_failed_reading(rate: int, seconds: int) -> None:
     assert not readings_apart(values).any()
 
 
+def test_a_tap_of_one_sample_is_felt_by_several_channels_and_a_failed_packet_says_one_number() -> None:
+    still = np.random.default_rng(1).normal([0, 0, 9.8, 0, 0, 0], 0.01, (150, 6))
+    two = [[9, 4, -2, 30, 5, 0], [-3, -1, 1, 9, -2, 0]]
+    for tap in ([[3, -5, 2, 0, 0, 0]], [[1, 16, -16, 8, 2, 0]], two):
+        felt = still.copy()
+        felt[60 : 60 + len(tap)] += tap
+        assert not readings_apart(felt).any()
+    for failed in (32767.0, [32767, -32768, 32767, 250, 250, 250], [0, 500, 0, 0, 0, 0]):
+        wrong = still.copy()
+        wrong[60] = np.where(np.asarray(failed) == 0, wrong[60], failed)
+        assert readings_apart(wrong)[60].sum() in (1, 6) and readings_apart(wrong).sum() in (1, 6)
+
+
 def test_one_failed_reading_does_not_decide_a_recording() -> None:
     clock = np.arange(100) / 50
     series = [np.stack([np.sin(f * clock), np.cos(f * clock)], 1) for f in (6, 6.2, 13, 13.4)]

@@ -20,6 +20,8 @@ from gesture_core.spot.find import STRETCH, Query
 from gesture_core.spot.signals import stream_chain
 from gesture_core.types import PoseSequence
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 SETTINGS = load_settings(None, ["spot.tempos="], environment={})
 
 
@@ -39,7 +41,7 @@ def still(pose: PoseSequence, frames: int) -> PoseSequence:
 
 def test_the_distances_are_those_of_the_reference(poses: list[PoseSequence]) -> None:
     query = Query(poses[0], SETTINGS, 5)
-    signals = stream_chain(SETTINGS)(strung(poses[:3])[0].as_coco18())
+    signals = stream_chain(SETTINGS)(strung(poses[:3])[0].onto("coco18"))
     found = query.candidates(signals)
     (series,) = query._examples.series
     used = series.mask & series.present & signals.present  # type: ignore[operator]

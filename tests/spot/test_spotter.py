@@ -16,7 +16,7 @@ from gesture_core import Spotter, load_poses, load_settings
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
 from gesture_core.spot.candidates import Candidate
-from gesture_core.spot.signals import part_of, spans, stream_chain
+from gesture_core.spot.signals import spans, stream_chain
 from gesture_core.spot.spotter import EventSearch
 from gesture_core.types import PoseSequence
 
@@ -57,7 +57,7 @@ def test_events_are_where_the_gestures_are(
 def test_blocks_make_no_difference(
     spotter: Spotter, string: tuple[PoseSequence, list[tuple[str, float, float]]], patience: float | None
 ) -> None:
-    pose = part_of(string[0], 0, 400)
+    pose = string[0].part(slice(0, 400))
     signals = stream_chain(SETTINGS)(pose)
     whole = spotter.search(signals, pose, patience, block=10_000)
     assert whole
@@ -122,25 +122,27 @@ def test_the_last_gesture_before_the_person_is_lost_is_still_judged(
 ) -> None:
     poses, labels = examples_of(drawn)
     live = Spotter(poses, labels, SETTINGS, live=True)
-    pose = part_of(string[0], 0, 60)
+    pose = string[0].part(slice(0, 60))
     label, _, end = string[1][0]
     stop = int(np.searchsorted(pose.times, end)) + 1
-    before = part_of(pose, 0, stop)
+    before = pose.part(slice(0, stop))
     expected = live.push(before) + live.finish()
     assert [event.label for event in expected] == [label]
-    later = replace(part_of(string[0], 0, 30), times=string[0].times[:30] + end + 5)
+    later = replace(string[0].part(slice(0, 30)), times=string[0].times[:30] + end + 5)
     assert live.push(before) + live.push(later)[:1] == expected
 
 
 def test_a_stream_has_the_same_events_however_its_frames_come(
     drawn: DemoArchive, string: tuple[PoseSequence, list[tuple[str, float, float]]]
 ) -> None:
-    pose = part_of(string[0], 0, 220)
+    pose = string[0].part(slice(0, 220))
     poses, labels = examples_of(drawn)
     live = Spotter(poses, labels, SETTINGS, live=True)
     at_once = live.push(pose) + live.finish()
     assert at_once
-    one_by_one = [event for frame in range(len(pose)) for event in live.push(part_of(pose, frame, frame + 1))]
+    one_by_one = [
+        event for frame in range(len(pose)) for event in live.push(pose.part(slice(frame, frame + 1)))
+    ]
     assert one_by_one + live.finish() == at_once
 
 
@@ -159,11 +161,11 @@ def test_what_is_called_none_is_never_an_event(
 def test_a_recording_without_the_person_has_no_events_and_says_why_where_signals_fail(
     spotter: Spotter, string: tuple[PoseSequence, list[tuple[str, float, float]]]
 ) -> None:
-    pose = part_of(string[0], 0, 100)
+    pose = string[0].part(slice(0, 100))
     nobody = replace(pose, keypoints=np.full_like(pose.keypoints, np.nan))
     assert spotter.spot(nobody) == []
     with pytest.raises(GestureError, match="at least 5"):
-        spotter.spot(part_of(pose, 0, 3))
+        spotter.spot(pose.part(slice(0, 3)))
     with pytest.raises(InputError, match="live"):
         spotter.push(pose)
 
@@ -171,7 +173,7 @@ def test_a_recording_without_the_person_has_no_events_and_says_why_where_signals
 def test_a_lost_person_begins_a_new_stream(
     string: tuple[PoseSequence, list[tuple[str, float, float]]],
 ) -> None:
-    pose = part_of(string[0], 0, 200)
+    pose = string[0].part(slice(0, 200))
     points = pose.keypoints.copy()
     lost = (pose.times > 1.0) & (pose.times < 2.5)
     points[lost] = np.nan

@@ -174,7 +174,7 @@ class Decider:
         decide = ("kernel", "mirror", "coverage", "separate", "relative", "rest", "balance", "weights")
         chosen = {name: tree["classify"][name] for name in decide}
         chosen |= {"examples": fingerprint} if chosen["balance"] else {}
-        options, still = self._settings.plugin_options(self._kernel), tree["signals"]["still"]
+        options, still = self._settings.options.get(self._kernel, {}), tree["signals"]["still"]
         return tree_sha256([__version__, self._entry.identity, tree["dtw"], chosen, options, still])
 
     def _predict(self, poses: Sequence[PoseSequence]) -> list[Prediction]:

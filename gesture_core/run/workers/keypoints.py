@@ -258,7 +258,7 @@ class KeypointExtractor:
             offered = {"options": self._settings.keypoints, "people": self._settings.pose.people}
             taken = {key: one for key, one in offered.items() if registry().takes("reader", name, key)}
             self._readers[name] = registry().make(
-                "reader", name, self._settings.plugin_options(name), **taken
+                "reader", name, self._settings.options.get(name, {}), **taken
             )
         return self._readers[name]
 

@@ -132,7 +132,7 @@ def main() -> None:
         except BrokenPipeError:  # the parent is gone; nobody is left to be answered
             os._exit(1)
 
-    logging.getLogger("gesture_core").addHandler(_Notes(report))
+    logging.getLogger("gesture_core").addHandler(Notes(report))
     header = json.loads(sys.stdin.readline())
     _limit_memory(int(header["memory"]))
     worker = Worker(Job(**header["job"]), report)
@@ -157,7 +157,7 @@ def main() -> None:
             report({"value": None, "error": as_tree(PluginError(cause, code="E_PLUGIN_CONTRACT"))})
 
 
-class _Notes(logging.Handler):
+class Notes(logging.Handler):
     """What the package and its plugins log, as messages to the parent."""
 
     def __init__(self, report: Callable[[dict[str, Any]], None]) -> None:

@@ -7,6 +7,7 @@ import logging
 import os
 import re
 import socket
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -119,7 +120,7 @@ class RayEngine:
         """Ask Ray for a further actor."""
         import ray
 
-        from gesture_engine_ray.actor import Performer
+        from gesture_engine_ray.actor import FLAGS, PLACES, Performer
 
         declared = ray.remote(
             num_cpus=self.cpus,
@@ -129,7 +130,9 @@ class RayEngine:
             concurrency_groups={"watch": 1},
         )
         threads = max(1, int(self.cpus))
-        actor = declared(Performer).remote(json.dumps(asdict(replace(job, threads=threads))), str(Path.cwd()))
+        environment = {name: os.environ[name] for name in (*FLAGS, *PLACES) if name in os.environ}
+        known = json.dumps(asdict(replace(job, threads=threads)))
+        actor = declared(Performer).remote(known, str(Path.cwd()), environment)
         self.await_start(actor)
 
     def await_start(self, actor: Any) -> None:
@@ -225,9 +228,10 @@ class _Round:
 
         actor, task = self._watched.pop(reference)
         try:
-            frames, alive, slow = ray.get(reference)
+            frames, alive, slow, notes = ray.get(reference)
         except ray.exceptions.RayError:  # what it works on says the same
             return
+        _log(notes)
         working = next((ref for ref, (_, one) in self.busy.items() if one is task), None)
         if working is None:
             return
@@ -243,7 +247,7 @@ class _Round:
         del self._since[reference]
         again = task.number in self._tried
         try:
-            text, data, (frames, alive, _) = ray.get(reference)
+            text, data, (frames, alive, _, notes) = ray.get(reference)
         except ray.exceptions.RayTaskError as error:
             self._engine._idle.append(actor)
             yield Outcome(task.number, error=PluginError(_line(error), code="E_PLUGIN_CONTRACT"))
@@ -259,13 +263,16 @@ class _Round:
         self._engine._idle.append(actor)
         if alive:
             self._on_frames(task, frames)
+        _log(notes)
         tree = json.loads(text)
+        print(tree["traceback"], end="", file=sys.stderr, flush=True)
         failed = tree["error"] and from_tree(tree["error"])
         if failed and failed.code == "E_WORKER_MEMORY":
             yield from self._failed(task, failed)
             return
         if data:
-            _keep(Path(self._job.store), str(tree["value"]["stored"]), data)
+            value = tree["value"]
+            _keep(Path(self._job.store), str(value["stored"]), data, fresh=not value["cached"])
         attempts = 1 + (again and task.number not in self._unlucky)
         yield Outcome(task.number, tree["value"], failed, attempts=attempts)
 
@@ -302,11 +309,16 @@ def _stands(node: str) -> bool:
     return False
 
 
-def _keep(store: Path, stored: str, data: bytes) -> None:
-    """Keypoints from another machine into the store of this one."""
-    if _STORED.fullmatch(stored) and not (store / stored).is_file():
+def _keep(store: Path, stored: str, data: bytes, *, fresh: bool) -> None:
+    """Keypoints from another machine into the store of this one; ``fresh`` ones replace those of before."""
+    if _STORED.fullmatch(stored) and (fresh or not (store / stored).is_file()):
         with replacing(store / stored) as temporary:
             temporary.write_bytes(data)
+
+
+def _log(notes: Sequence[str]) -> None:
+    for note in notes:
+        logging.getLogger("gesture_core").warning(note)
 
 
 def _cause(error: Exception, code: str) -> str:

@@ -15,6 +15,7 @@ from gesture_core.errors import ConfigError
 from gesture_core.records import Job, Task
 from gesture_core.run.export import export_rows
 from gesture_core.run.extract import Listener
+from gesture_core.run.workers.worker import Worker
 from gesture_core.settings import LimitSettings, load_settings
 from gesture_core.testing import ENGINE_CHECKS
 
@@ -31,16 +32,19 @@ FIGURE = (
 )  # fmt: skip
 """Somebody who stands, in COCO-18."""
 DEADLY = """
-import os, time
+import logging, os, time
 from gesture_core import hookimpl
 @hookimpl
 def register_keypoint_readers(register):
     register("deadly", "deadly:Deadly", suffixes=(".deadly", ".hanging"))
 class Deadly:
     def accepts(self, path):
+        if path.suffix == ".raising":
+            raise ValueError("not today")
         time.sleep(600) if path.suffix == ".hanging" else os._exit(9)
     def members(self, path):
-        return [""]
+        logging.getLogger("gesture_core").warning("looked into it")
+        return [f"{name}={os.environ.get(name)}" for name in path.suffix.split("+")[1:]] or [""]
     def read(self, path, member=""):
         return []
 """
@@ -100,6 +104,42 @@ def test_a_task_that_hangs_is_given_up(cluster: Any) -> None:
     finally:
         engine.close()
     assert outcome.error is not None and outcome.error.code == "E_WORKER_HANG"
+
+
+def test_what_is_asked_for_here_is_done_there(
+    cluster: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Flags hold for the actors; a folder of this machine does where there is one of that name."""
+    clip, store = tmp_path / "clip.npz", tmp_path / "cache" / "keypoints"
+    write_clip(clip, 4, 0)
+    job = Job(load_settings("paper").as_dict(), str(store), {"reader arrays": "0" * 16})
+    extract = Task(1, "extract", {"path": os.fsencode(clip).hex(), "member": "", "reader": "arrays"})
+    kept = Worker(job, lambda message: None).perform(extract).value["stored"]
+    assert Worker(job, lambda message: None).perform(extract).value["cached"]
+    places = {"GESTURE_CACHE": str(tmp_path / "cache"), "GESTURE_MODELS": str(tmp_path / "models")}
+    flags = {"GESTURE_NO_CACHE": "1", "GESTURE_TRACEBACK": "1", "GESTURE_OFFLINE": ""}
+    for name, value in {**places, **flags}.items():
+        monkeypatch.setenv(name, value)
+    names = os.fsencode(f"clip.+{'+'.join([*places, *flags])}").hex()
+    tasks = [
+        Task(0, "members", {"reader": "deadly", "path": names}),
+        extract,
+        Task(2, "accepts", {"reader": "deadly", "paths": [os.fsencode("a.raising").hex()]}),
+    ]
+    engine = RayEngine(workers=1, limits=LIMITS, actors=1)
+    try:
+        outcomes = {one.number: one.value for one in engine.run(job, tasks, lambda task, frames: None)}
+    finally:
+        engine.close()
+    there = {**places, "GESTURE_MODELS": None, **flags}
+    assert outcomes[0] == [f"{name}={value}" for name, value in there.items()]
+    assert "looked into it" in caplog.text
+    assert (outcomes[1]["stored"], outcomes[1]["cached"]) == (kept, False)
+    assert "in accepts" in capsys.readouterr().err
 
 
 class Killing(Listener):

@@ -93,6 +93,20 @@ def register_keypoint_readers(register: Register) -> None:
         suffixes=(".trc",),
     )
     register(
+        "bvh",
+        "gesture_pose_files.bvh:BvhReader",
+        summary="motion captures as trees of bones (.bvh)",
+        suffixes=(".bvh",),
+    )
+    register(
+        "c3d",
+        "gesture_pose_files.c3d_file:C3dReader",
+        needs=("c3d",),
+        extra="c3d",
+        summary="markers of motion captures (.c3d)",
+        suffixes=(".c3d",),
+    )
+    register(
         "series",
         "gesture_pose_files.series:SeriesReader",
         summary="channels of sensors: CSV, Parquet, .npy, .npz, WAV; .ts, .arff and .tsv of UCR and UEA",

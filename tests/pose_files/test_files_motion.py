@@ -1,0 +1,190 @@
+"""Motion captures: bones in BVH, markers in C3D."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gesture_pose_files.bvh import BvhReader, joint_names
+from gesture_pose_files.c3d_file import C3dReader
+from gesture_pose_files.trc import TrcReader
+from scipy.spatial.transform import Rotation
+from tool_files import BONES, write_bvh, write_c3d, write_trc
+
+from gesture_core.errors import KeypointError
+from gesture_core.joint_names import joint_named
+from gesture_core.plugin.reading import ReadOptions
+from gesture_core.skeletons import COCO18
+from gesture_core.types import PoseSequence
+
+OURS = {
+    "Hips": "mid_hip", "Neck": "neck", "Head": "head",
+    "LeftArm": "left_shoulder", "LeftForeArm": "left_elbow", "LeftHand": "left_wrist",
+    "RightArm": "right_shoulder", "RightForeArm": "right_elbow", "RightHand": "right_wrist",
+    "LeftUpLeg": "left_hip", "LeftLeg": "left_knee", "LeftFoot": "left_ankle",
+    "RightUpLeg": "right_hip", "RightLeg": "right_knee", "RightFoot": "right_ankle",
+}  # fmt: skip
+ANGLES = np.random.default_rng(0).uniform(-25, 25, (6, len(BONES), 3))
+ANGLES[:, 0] = [0, 0, 0]
+
+
+def places(angles: np.ndarray, order: str) -> dict[str, np.ndarray]:
+    """(T, 3) centimetres of each bone's beginning, by scipy's rotations."""
+    out: dict[str, np.ndarray] = {}
+    turns: dict[str, Rotation] = {}
+    for number, (name, (parent, offset)) in enumerate(BONES.items()):
+        own = Rotation.from_euler(order, angles[:, number], degrees=True)
+        out[name] = (
+            out[parent] + turns[parent].apply(offset) if parent else np.tile([3.0, 100, -7], (len(angles), 1))
+        )
+        turns[name] = turns[parent] * own if parent else own
+    return out
+
+
+def depth(path: Path, reader: type) -> PoseSequence:
+    (pose,) = reader(ReadOptions(depth=True)).read(path)
+    assert isinstance(pose, PoseSequence)
+    return pose
+
+
+@pytest.mark.parametrize(("order", "prefix"), [("ZXY", ""), ("XYZ", "mixamorig:"), ("YXZ", "")])
+def test_bones_are_turned_as_the_file_says(tmp_path: Path, order: str, prefix: str) -> None:
+    """As a marker file of the places that scipy computes."""
+    there = places(ANGLES, order)
+    pose = depth(write_bvh(tmp_path / "a.bvh", ANGLES, order, prefix), BvhReader)
+    solid = np.stack([there[name] for name in OURS], axis=1)
+    marks = depth(write_trc(tmp_path / "a.trc", solid, "cm", list(OURS.values())), TrcReader)
+    neck = COCO18.index("neck")
+    found, wanted = (one.keypoints - one.keypoints[:, neck : neck + 1] for one in (pose, marks))
+    size = np.ptp(np.stack([way[0] for way in there.values()]), axis=0).max() / 100
+    np.testing.assert_allclose(found[:, 1:14] * size, wanted[:, 1:14], atol=1e-4)
+    np.testing.assert_allclose(pose.times, np.arange(6) * 0.02)
+    assert pose.provenance["notes"].startswith("it names no unit")
+    (flat,) = BvhReader().read(tmp_path / "a.bvh")
+    assert flat.keypoints.shape[2] == 2
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "hip abdomen neck lCollar lShldr lForeArm lHand rShldr lThigh lShin lFoot rThigh",
+        "pelvis root neck_01 clavicle_l upperarm_l lowerarm_l hand_l upperarm_r thigh_l calf_l foot_l "
+        "thigh_r",
+        "Hips Spine1 Neck LeftShoulder LeftArm LeftForeArm LeftHand RightArm LeftUpLeg LeftLeg LeftFoot "
+        "RightUpLeg",
+        "Bip01|Bip01 Spine|Bip01 Neck|Bip01 L Clavicle|Bip01 L UpperArm|Bip01 L Forearm|Bip01 L Hand|"
+        "Bip01 R UpperArm|Bip01 L Thigh|Bip01 L Calf|Bip01 L Foot|Bip01 R Thigh",
+        "Hips Chest4 Neck LeftCollar LeftShoulder LeftElbow LeftWrist RightShoulder LeftHip LeftKnee "
+        "LeftAnkle RightHip",
+    ],
+)
+def test_bones_of_other_programs_are_known(names: str) -> None:
+    given = names.split("|") if "|" in names else names.split()
+    found = [joint_named(name) for name in joint_names(given)]
+    arm = ["left_collar", "left_shoulder", "left_elbow", "left_wrist", "right_shoulder"]
+    assert found[2:] == ["neck", *arm, "left_hip", "left_knee", "left_ankle", "right_hip"]
+    assert found[0] in ("mid_hip", None)
+
+
+def test_a_raised_arm_is_up_in_the_picture(tmp_path: Path) -> None:
+    angles = np.zeros((5, len(BONES), 3))
+    angles[:, list(BONES).index("LeftArm"), 0] = [0, 20, 45, 70, 90]  # around z, towards y
+    (pose,) = BvhReader().read(write_bvh(tmp_path / "a.bvh", angles))
+    shoulder, wrist = (pose.keypoints[:, COCO18.index(f"left_{j}")] for j in ("shoulder", "wrist"))
+    way = wrist - shoulder
+    assert way[0, 0] > 0.3 and abs(way[0, 1]) < 0.01  # the figure's left is on the right of who looks
+    assert way[-1, 1] < -0.3 and abs(way[-1, 0]) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: text.replace("CHANNELS 3", "CHANNELS 4", 1), "channels"),
+        (lambda text: text.partition("MOTION")[0], "before MOTION"),
+        (lambda text: re.sub("Neck|Shoulder|Arm", "A", text), "neither a neck"),
+        (lambda text: text.partition("Frame Time")[0], "header is cut"),
+        (lambda text: text.partition("Time: 0.02")[0] + "Time: 0.02\n", "no frame"),
+        (lambda text: text.replace("}", "", 3), "tree"),
+        (lambda text: text.replace("OFFSET", "OFSET", 1), "OFSET"),
+    ],
+)  # fmt: skip
+def test_what_is_no_motion_capture_says_why(tmp_path: Path, change: object, said: str) -> None:
+    path = write_bvh(tmp_path / "a.bvh", ANGLES)
+    path.write_text(change(path.read_text()))  # type: ignore[operator]
+    with pytest.raises(KeypointError, match=said):
+        BvhReader().read(path)
+
+
+def test_a_capture_that_is_cut_is_degraded(tmp_path: Path) -> None:
+    pytest.importorskip("c3d")
+    bones = write_bvh(tmp_path / "a.bvh", ANGLES)
+    bones.write_text(bones.read_text()[:-100])
+    (pose,) = BvhReader().read(bones)
+    assert len(pose) == 5 and pose.provenance["lost"] == "it ends after 5 of 6 frames"
+    marks = write_c3d(
+        tmp_path / "a.c3d", np.ones((60, 40, 3)), ["LSHO", "RSHO", *(f"M{n}" for n in range(38))]
+    )
+    marks.write_bytes(marks.read_bytes()[:-4000])
+    (pose,) = C3dReader().read(marks)
+    assert len(pose) == 53 and pose.provenance["lost"] == "it ends after 53 of 60 frames"
+
+
+def plug_in_gait(there: dict[str, np.ndarray], subject: str = "") -> tuple[list[str], np.ndarray]:
+    """Names and (T, N, 3) millimetres of markers around the joints of a figure."""
+    markers = {}
+    for side in ("Left", "Right"):
+        for bone, pair in (("Arm", ("SHO",)), ("ForeArm", ("ELB",)), ("Hand", ("WRA", "WRB")),
+                           ("UpLeg", ("ASI", "PSI")), ("Leg", ("KNE",)), ("Foot", ("ANK",))):  # fmt: skip
+            for name, off in zip(pair, (30, -30), strict=False):
+                away = [0, 0, off if len(pair) == 2 else 0]
+                markers[f"{subject}{side[0]}{name}"] = there[side + bone] * 10 + away
+    markers |= {
+        f"{subject}C7": there["Neck"] * 10 + [0, 0, 40],
+        f"{subject}CLAV": there["Neck"] * 10 - [0, 0, 40],
+    }
+    return list(markers), np.stack(list(markers.values()), axis=1)
+
+
+def test_joints_are_between_their_markers(tmp_path: Path) -> None:
+    pytest.importorskip("c3d")
+    there = places(ANGLES, "ZXY")
+    names, points = plug_in_gait(there)
+    points[2, names.index("LWRA")] = np.nan
+    pose = depth(write_c3d(tmp_path / "a.c3d", points, names), C3dReader)
+    bones = [name for name in OURS if name not in ("Hips", "Head")]
+    solid = np.stack([there[name] for name in bones], axis=1)
+    marks = depth(write_trc(tmp_path / "a.trc", solid, "cm", [OURS[name] for name in bones]), TrcReader)
+    assert np.isnan(pose.keypoints[2, COCO18.index("left_wrist")]).all()  # and no jump to the other marker
+    found, wanted = pose.keypoints[[0, 1, 3, 4, 5]], marks.keypoints[[0, 1, 3, 4, 5]]
+    np.testing.assert_allclose(found, wanted, atol=2e-4)
+    np.testing.assert_allclose(pose.times, np.arange(6) / 50)
+    assert pose.provenance["unit"] == "metres"
+
+
+def test_subjects_are_people(tmp_path: Path) -> None:
+    pytest.importorskip("c3d")
+    there = places(ANGLES, "ZXY")
+    (one, first), (two, second) = plug_in_gait(there, "Anna:"), plug_in_gait(there, "Ben:")
+    second[:4] = np.nan
+    path = write_c3d(
+        tmp_path / "a.c3d", np.concatenate([second, first, first[:, :1]], axis=1), [*two, *one, "*137"]
+    )
+    (pose,) = C3dReader().read(path)
+    assert pose.frames_with_pose == 6 and "Anna" in pose.provenance["notes"]
+    assert "no person: markers of nobody" in pose.provenance["notes"]
+    assert len(C3dReader(people="multi").read(path)) == 2
+
+
+def test_markers_of_your_own_are_named(tmp_path: Path) -> None:
+    pytest.importorskip("c3d")
+    names, points = plug_in_gait(places(ANGLES, "ZXY"))
+    own = [f"P{n}" for n in range(len(names))]
+    path = write_c3d(tmp_path / "a.c3d", points, own)
+    with pytest.raises(KeypointError, match="neither a neck nor both shoulders"):
+        C3dReader().read(path)
+    order = ["left_shoulder", "left_elbow", "left_wrist", "a", "left_hip", "b", "left_knee", "left_ankle"]
+    order += [name.replace("left", "right") for name in order[:3]] + ["c", "right_hip", "d", "right_knee"]
+    (pose,) = C3dReader(ReadOptions(order=(*order, "right_ankle", "neck", "e"))).read(path)
+    assert pose.frames_with_pose == 6
