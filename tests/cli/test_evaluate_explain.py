@@ -392,7 +392,7 @@ def test_a_pipe_gets_json(
     grid = ["--subjects", "_([A-Z])", "--grid", "t_var=0.01,0.05", "--out", str(tmp_path)]
     *others, best = lines("evaluate", str(archive), "--preset", "paper", *grid)
     assert best == json.loads((tmp_path / "evaluation.json").read_text())
-    assert [line["changes"] for line in (best, others[0])] == [{"t_var": 0.01}, {"t_var": 0.05}]
+    assert [line["changes"] for line in (best, others[0])] == [{"t_var": "0.01"}, {"t_var": "0.05"}]
     assert len(others) == 2 and set(others[1]["choices"]) == {*"ABC"}
     out = str(tmp_path / "run")
     lines("classify", str(archive), "--examples", str(archive), "--out", out, "--kernel", "numpy")
