@@ -38,7 +38,7 @@ class PoseSettings(_Section):
     model : str
         Name or file of a pose network, or ``auto``: ``blazepose`` where it is installed, otherwise
         ``compact``.
-    provider : "auto", "cpu", "cuda", "tensorrt", "openvino", "coreml" or "directml"
+    provider : "auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml" or "openvino-bf16"
         What onnxruntime runs the network on; ``auto`` is the fastest that its installation has.
     target : "auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16" or "vulkan"
         What OpenCV runs the network on; ``auto`` is CUDA where it was built with it, otherwise the CPU.
@@ -61,7 +61,9 @@ class PoseSettings(_Section):
 
     backend: str = "auto"
     model: str = "auto"
-    provider: Literal["auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml"] = "auto"
+    provider: Literal[
+        "auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml", "openvino-bf16"
+    ] = "auto"
     target: Literal["auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16", "vulkan"] = "auto"
     people: Literal["single", "multi"] = "single"
     height: int | None = None

@@ -48,6 +48,8 @@ SWAPPED = 1.0
 _RUN = 8
 """Wide steps after the way out of which one may be the way back."""
 _ROUNDING = 1e-3
+_CELLS = 1 << 16
+"""Frames times joints that are looked at together, so that hours need no more memory than minutes."""
 
 
 _APART = 20.0
@@ -120,26 +122,48 @@ def repaired(pose: PoseSequence) -> Repair:
     length = float(np.median(known)) if len(known) else 0.0
     if len(pose) < 3 or not length > 0:
         return Repair(pose, 0)
-    points = pose.keypoints / np.float64(length)
     zero = placeholders(pose)
-    points[zero] = np.nan
-    last = _last_seen(points)
+    keypoints, scores = np.where(zero[..., None], np.float32(np.nan), pose.keypoints), pose.scores
     others = np.array(skeleton(pose.skeleton).mirror)
-    turned = _exchanged(_at(points, last), last, pose.times, others)
-    keypoints, scores = pose.keypoints, pose.scores
+    turned = _exchanged(keypoints, length, pose.times, others)
     if turned.any():
-        points = np.where(turned[..., None], points[:, others], points)
-        keypoints = np.where(turned[..., None], keypoints[:, others], keypoints)
-        scores = np.where(turned, scores[:, others], scores)
-        last = _last_seen(points)
-    trembling = np.nan_to_num(_length(points - neck[:, None] / length)) * _trembling(known / length)
-    wrong = _jumps(points, last, scores, pose.times, trembling)
+        rows, joints = np.nonzero(turned)
+        keypoints[rows, joints] = keypoints[rows, others[joints]]
+        scores = scores.copy()
+        scores[rows, joints] = pose.scores[rows, others[joints]]
+    trembling, wrong = _trembling(known / length), np.zeros(zero.shape, bool)
+    for some in _together(*zero.shape):
+        points = _places(keypoints, some, length)
+        away = np.nan_to_num(_length(points - neck[:, None] / length)) * trembling
+        wrong[:, some] = _jumps(points, scores[:, some], pose.times, away)
     frames = int((turned | wrong).any(axis=1).sum())
     if not (frames or zero.any()):
         return Repair(pose, 0)
-    keypoints = np.where((wrong | zero)[..., None], np.float32(np.nan), keypoints)
+    keypoints[wrong] = np.nan
     # No step uses depth, and joints that changed sides would keep that of the other side.
     return Repair(replace(pose, keypoints=keypoints, scores=scores, depth=None), frames)
+
+
+def _together(frames: int, joints: int) -> list[np.ndarray]:
+    """Which of so many joints, or pairs, are looked at together: of a recording of hours one by one."""
+    return np.array_split(np.arange(joints), min(joints, frames * joints // _CELLS + 1))
+
+
+def _places(keypoints: np.ndarray, joints: np.ndarray, length: float) -> np.ndarray:
+    """Places in torso lengths."""
+    places: np.ndarray = np.take(keypoints, joints, axis=1) / np.float64(length)
+    return places
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    """(...) lengths of (..., 2 or 3) vectors."""
+    plane: np.ndarray = np.hypot(vectors[..., 0], vectors[..., 1])
+    return plane if vectors.shape[-1] == 2 else np.hypot(plane, vectors[..., 2])
+
+
+def _at(points: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """(..., 2 or 3) where each joint was in its (...) ``frames``."""
+    return np.take_along_axis(points, frames[..., None], axis=0)
 
 
 def _torso(pose: PoseSequence) -> tuple[np.ndarray, np.ndarray]:
@@ -150,17 +174,6 @@ def _torso(pose: PoseSequence) -> tuple[np.ndarray, np.ndarray]:
     right, left, right_hip, left_hip = joints.swapaxes(0, 1)
     down, across = _length(right + left - right_hip - left_hip) / 2, _length(right - left) / SHOULDERS
     return (right + left) / 2, np.fmax(down, across)
-
-
-def _length(vectors: np.ndarray) -> np.ndarray:
-    """(...) lengths of (..., 2 or 3) vectors."""
-    plane: np.ndarray = np.hypot(vectors[..., 0], vectors[..., 1])
-    return plane if vectors.shape[-1] == 2 else np.hypot(plane, vectors[..., 2])
-
-
-def _at(points: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """(T, J, 2 or 3) where each joint was in its (T, J) ``frames``."""
-    return np.take_along_axis(points, frames[..., None], axis=0)
 
 
 def _trembling(lengths: np.ndarray) -> float:
@@ -178,29 +191,35 @@ def placeholders(pose: PoseSequence) -> np.ndarray:
 
 
 def _last_seen(points: np.ndarray) -> np.ndarray:
-    """(T, J) the frame in which each joint was last seen; the first frame where it was not yet."""
-    frames = np.where(np.isnan(points[..., 0]), 0, np.arange(len(points))[:, None])
-    last: np.ndarray = np.maximum.accumulate(frames, axis=0)
+    """For each frame the one in which each joint was last seen; the first frame where it was not yet."""
+    frames = np.arange(len(points)).reshape(-1, *[1] * (points.ndim - 2))
+    last: np.ndarray = np.maximum.accumulate(np.where(np.isnan(points[..., 0]), 0, frames), axis=0)
     return last
 
 
-def _exchanged(points: np.ndarray, last: np.ndarray, times: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(T, J) bool: joints that belong to the other side. All pairs together first, then each by itself.
-
-    ``points`` are the (T, J, 2 or 3) places where each joint was last seen, in the frames ``last``.
-    """
-    out = np.zeros(last.shape, bool)
+def _exchanged(keypoints: np.ndarray, length: float, times: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(T, J) bool: joints that belong to the other side. All pairs together first, then each by itself."""
+    out = np.zeros(keypoints.shape[:2], bool)
     own = np.flatnonzero(np.arange(len(others)) < others)
     pairs = np.stack([own, others[own]])
-    saved = _saved(points[:, pairs])
+    saved, fading = np.empty((2, len(times) - 1, len(own)))
+
+    def compare(whole: np.ndarray) -> None:
+        for some in _together(len(times), len(own)):
+            sides = _places(keypoints, pairs[:, some], length)
+            last = _last_seen(sides)
+            sides = _at(sides, last)
+            saved[:, some] = _saved(np.where(whole[:, None, None, None], sides[:, ::-1], sides))
+            ago = (times[1:, None, None] - times[last[:-1]]).max(axis=1)
+            fading[:, some] = np.maximum(ago / TENTH, 1)
+
+    compare(np.zeros(len(times), bool))
     if not (saved > SWAP).any():
         return out
-    fading = np.maximum((times[1:, None, None] - times[last[:-1, pairs]]).max(axis=1) / TENTH, 1)
     held = SWAPPED * np.diff(times, append=times[-1:])
     whole = _cheapest((saved / fading).sum(axis=1) - SWAP * len(own) ** 0.5, held)
     if whole.any():
-        points = np.where(whole[:, None, None], points[:, others], points)
-        saved = _saved(points[:, pairs])
+        compare(whole)
     out[:, pairs] = whole[:, None, None]
     # A pair that has nothing from the exchange of all is left out of it at no cost.
     gains = saved / fading - np.where(np.diff(whole), 0, SWAP)[:, None]
@@ -210,7 +229,7 @@ def _exchanged(points: np.ndarray, last: np.ndarray, times: np.ndarray, others: 
 
 
 def _saved(sides: np.ndarray) -> np.ndarray:
-    """(T - 1, P) by how much the ways of a pair's (T, 2, P, 2 or 3) places are shorter to the other's next.
+    """(T - 1, P) by how much the ways of pairs' (T, 2, P, 2 or 3) places are shorter to the other's next one.
 
     A way that goes on as the joint moved before, or as it will move after, counts as none: hands that cross
     go on, those that are confused do not.
@@ -245,14 +264,9 @@ def _cheapest(gains: np.ndarray, held: np.ndarray) -> np.ndarray:
     return out
 
 
-def _jumps(
-    points: np.ndarray, last: np.ndarray, scores: np.ndarray, times: np.ndarray, trembling: np.ndarray
-) -> np.ndarray:
-    """(T, J) bool: joints that are off their way for a few frames.
-
-    ``last`` is from `_last_seen`; the (T, J) ``trembling`` of a place is no jump.
-    """
-    out = np.zeros(last.shape, bool)
+def _jumps(points: np.ndarray, scores: np.ndarray, times: np.ndarray, trembling: np.ndarray) -> np.ndarray:
+    """(T, J) bool: joints that are off their way for a few frames; the (T, J) ``trembling`` is no jump."""
+    out, last = np.zeros(points.shape[:2], bool), _last_seen(points)
     steps = _length(np.diff(_at(points, last), axis=0))
     if not (steps > LEAST_SURE * JUMP).any():
         return out
