@@ -102,8 +102,10 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> DemoArchive:
 @pytest.fixture(scope="module")
 def in_this_process() -> Iterator[None]:
     """Work is done here, not in worker processes, whose starts cost more: for tests of what comes of it."""
+    from gesture_core.run import find
     from gesture_core.run.workers import engines
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(engines, "ProcessEngine", engines.InlineEngine)
+        for module in (engines, find):
+            patch.setattr(module, "ProcessEngine", engines.InlineEngine)
         yield

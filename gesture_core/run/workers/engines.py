@@ -296,6 +296,8 @@ class InlineEngine:
 
     workers: int
     limits: LimitSettings
+    first: list[Task] = field(default_factory=list, init=False)
+    """What is performed before anything else, as in `ProcessEngine`."""
     _worker: Worker | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -307,6 +309,8 @@ class InlineEngine:
         """Yield one outcome for every task, in order."""
         if self._worker is None or self._worker.job != job:
             self._worker = Worker(job, lambda message: None)
+            for task in self.first:
+                self._worker.perform(task)
         for task in tasks:
 
             def report(message: dict[str, Any], task: Task = task) -> None:
@@ -380,7 +384,7 @@ class Assistant:
         (outcome,) = self._engine.run(self._job, [task], lambda task, frames: None, retry=retry)
         if outcome.error:
             raise outcome.error
-        if keep and not isinstance(self._engine, InlineEngine):
+        if keep:
             self._engine.first.append(task)
         return outcome.value
 
