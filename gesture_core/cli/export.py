@@ -40,11 +40,12 @@ def export(
     """
     from gesture_core.run.addresses import is_address, local_path, put, shown
 
-    if to.startswith("file://"):
-        to = local_path(to)
     if not is_address(to):
-        _export(run, format, to)
+        _export(run, format, local_path(to))
         return
+    if to.startswith("memory://"):
+        remedy = "a file, or the address of a store"
+        raise ConfigError(f"--to {to} would be gone with this command", remedy=remedy, code="E_OUT")
     with tempfile.TemporaryDirectory() as folder:
         written = Path(folder) / PurePosixPath(shown(to).partition("::")[0]).name
         _export(run, format, str(written), said=False)

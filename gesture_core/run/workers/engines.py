@@ -29,6 +29,9 @@ _START_SECONDS = 120.0
 _ENDINGS = frozenset({"E_WORKER_CRASH", "E_WORKER_HANG", "E_WORKER_MEMORY"})
 """Codes of what another process may not meet: memory can also end without ending the process."""
 
+KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(256 << 20)}
+"""Has glibc keep what a batch of large pictures took: given back and taken anew, each page costs a fault."""
+
 OnFrames = Callable[[Task, int], None]
 Message = dict[str, Any]
 Inbox = queue.Queue[tuple["WorkerProcess", Message | None]]
@@ -158,7 +161,8 @@ class WorkerProcess:
         self._ready = self._slow = False
         self._plugin = ""
         self._error_lines: deque[str] = deque(maxlen=3)
-        environment = os.environ | {"OMP_NUM_THREADS": str(threads), "OPENBLAS_NUM_THREADS": str(threads)}
+        environment = KEPT_MEMORY | os.environ
+        environment |= {"OMP_NUM_THREADS": str(threads), "OPENBLAS_NUM_THREADS": str(threads)}
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "gesture_core.run.workers.worker"],
             stdin=subprocess.PIPE,
