@@ -217,6 +217,7 @@ def _exchanged(keypoints: np.ndarray, length: float, times: np.ndarray, others: 
     if not (saved > SWAP).any():
         return out
     held = SWAPPED * np.diff(times, append=times[-1:])
+    held[[0, -1]] += SWAP  # there one change alone tells, and hands that cross are as near
     whole = _cheapest((saved / fading).sum(axis=1) - SWAP * len(own) ** 0.5, held)
     if whole.any():
         compare(whole)
