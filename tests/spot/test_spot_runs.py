@@ -147,10 +147,10 @@ def test_thresholds_that_no_example_gives_are_said_to_be_a_guess(
         )
 
 
-def test_channels_are_refused_before_anything_is_looked_at(
+def test_channels_are_refused_live_before_anything_is_looked_at(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["spot", str(tmp_path), "--examples", "no", "--out", str(tmp_path / "run"), "--preset", "sensors"]
-    assert gesture(words) == 2
+    assert gesture([*words, "--set", "spot.live=true"]) == 2
     assert "in the movements of people alone" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())
