@@ -13,8 +13,10 @@ other; `one core` is above the sum of both, which is the least that one core can
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -31,6 +33,7 @@ one_thread()
 
 from gesture_core.files import content_sha256  # noqa: E402 - threads come first
 from gesture_core.run.store import write_keypoints  # noqa: E402
+from gesture_core.run.workers.engines import KEPT_MEMORY  # noqa: E402
 from gesture_core.settings import Settings, load_settings  # noqa: E402
 
 SIZES = ((640, 480), (1920, 1080))
@@ -191,6 +194,8 @@ def main() -> None:
     asked.add_argument("--model", default="compact")
     asked.add_argument("--rate", default="")
     given = asked.parse_args()
+    if not set(KEPT_MEMORY) <= set(os.environ):  # which a worker starts with, and which holds from a start on
+        os.execve(sys.executable, [sys.executable, *sys.argv], KEPT_MEMORY | os.environ)
     header()
     settings = load_settings(None, pose__model=given.model)
     if given.rate:

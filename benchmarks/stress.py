@@ -23,7 +23,7 @@ from videos import with_videos
 from gesture_core.classify.classifiers import Fitted, learn
 from gesture_core.classify.comparison import compare
 from gesture_core.classify.decision import votes_of
-from gesture_core.colours import BLUE, GREEN, GREY, ORANGE
+from gesture_core.colours import BLACK, BLUE, GREY, VERMILLION
 from gesture_core.errors import GestureError
 from gesture_core.report.style import new_figure, save
 from gesture_core.settings import Settings, load_settings
@@ -32,10 +32,10 @@ from gesture_core.skeletons import COCO18
 from gesture_core.types import PoseSequence, Signals
 
 STYLES = (
-    {"color": ORANGE, "marker": "o"},
+    {"color": GREY, "marker": "o"},
     {"color": BLUE, "marker": "s"},
-    {"color": GREEN, "marker": "^", "linestyle": "--"},
-    {"color": GREY, "marker": "x", "linestyle": ":"},
+    {"color": BLACK, "marker": "^", "linestyle": "--"},
+    {"color": VERMILLION, "marker": "x", "linestyle": ":"},
 )
 
 
@@ -301,14 +301,17 @@ def recognised(
 
 
 def draw(found: dict[str, dict[str, list[float]]], path: Path) -> None:
-    """One panel for each damage, one curve for each preset."""
+    """One panel for each damage, one curve for each preset that was measured under it."""
     columns = 5
     rows = -(-len(STRESSES) // columns)
     figure = new_figure(14, 2.9 * rows)
     for index, stress in enumerate(STRESSES):
         axes = figure.add_subplot(rows, columns, index + 1)
-        order = np.argsort(stress.strengths)
+        order, fresh = np.argsort(stress.strengths), False
         for style, (preset, values) in zip(STYLES, found.items(), strict=False):
+            if stress.name not in values:
+                continue
+            fresh |= next(iter(values)) == stress.name
             x = np.array(stress.strengths)[order]
             axes.plot(x, 100 * np.array(values[stress.name])[order], **style, label=preset, ms=3.5)
         if stress.unit in ("factor", "growth"):
@@ -324,7 +327,7 @@ def draw(found: dict[str, dict[str, list[float]]], path: Path) -> None:
         axes.grid(alpha=0.3)
         if index % columns == 0:
             axes.set_ylabel("accuracy, %", fontsize=8)
-        if index == 0:
+        if fresh:  # one that was in no panel before
             axes.legend(fontsize=8, loc="lower left")
     save(figure, path)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -96,3 +97,15 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> DemoArchive:
     from gesture_core.demo.archive import write_archive
 
     return write_archive(tmp_path_factory.mktemp("drawn"), queries=2, examples=1, seed=7)
+
+
+@pytest.fixture(scope="module")
+def in_this_process() -> Iterator[None]:
+    """Work is done here, not in worker processes, whose starts cost more: for tests of what comes of it."""
+    from gesture_core.run import find
+    from gesture_core.run.workers import engines
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (engines, find):
+            patch.setattr(module, "ProcessEngine", engines.InlineEngine)
+        yield

@@ -146,6 +146,7 @@ _DONE: set[str] = set()
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if page != TUTORIAL], ids=page_name)
+@pytest.mark.usefixtures("in_this_process")
 def test_the_commands_and_the_python_of_a_page_run(
     page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -105,7 +105,7 @@ PUBLIC_FOR = {
     "gesture_dtw_jax": FOR_KERNELS,
     "gesture_dtw_numba": FOR_KERNELS,
     "gesture_dtw_numpy": FOR_KERNELS,
-    "gesture_dtw_torch": FOR_KERNELS,
+    "gesture_dtw_torch": FOR_KERNELS | {"signals.mirror"},
     "gesture_engine_ray": {
         "errors",
         "files",

@@ -214,7 +214,8 @@ def _print_thresholds(evaluation: Evaluation) -> None:
         "margin from": evaluation.margin_curve(),
         "confidence from": evaluation.confidence_curve(),
     }
-    if any(curves.values()):  # otherwise nothing has a label
+    some = any(curves.values())  # otherwise nothing has a label
+    if some:
         print(
             "a stricter threshold labels fewer inputs (coverage), and usually more of these rightly "
             "(accuracy): --reject VALUE, --set classify.margin=VALUE, or --set classify.confidence=VALUE"
@@ -226,6 +227,11 @@ def _print_thresholds(evaluation: Evaluation) -> None:
             print_table(columns, cells, right=columns)
     if curves["confidence from"]:
         _print_confidence(evaluation)
+    elif some:
+        print(
+            "no label has a confidence: it is calibrated on examples that have another one of their class, "
+            "and no fold has any"
+        )
 
 
 def _print_confidence(evaluation: Evaluation) -> None:
@@ -235,7 +241,7 @@ def _print_confidence(evaluation: Evaluation) -> None:
     if point is None:
         print(f"{goal} no classify.confidence is high enough")
     elif point == evaluation.confidence_curve()[0]:
-        print(f"{goal} no limit is needed: {point[2]:.0%} are")
+        print(f"{goal} no limit is needed: {point[2]:.0%} of the labels are right")
     else:
         limit = int(1000 * point[0]) / 1000  # below the input that it is to keep
         print(f"{goal} use --set classify.confidence={limit:g}: {point[1]:.0%} of the inputs keep a label")

@@ -40,11 +40,12 @@ def export(
     """
     from gesture_core.run.addresses import is_address, local_path, put, shown
 
-    if to.startswith("file://"):
-        to = local_path(to)
     if not is_address(to):
-        _export(run, format, to)
+        _export(run, format, local_path(to))
         return
+    if to.startswith("memory://"):
+        remedy = "a file, or the address of a store"
+        raise ConfigError(f"--to {to} would be gone with this command", remedy=remedy, code="E_OUT")
     with tempfile.TemporaryDirectory() as folder:
         written = Path(folder) / PurePosixPath(shown(to).partition("::")[0]).name
         _export(run, format, str(written), said=False)
@@ -102,6 +103,8 @@ def _export_events(run: Path, format: str, to: str, said: bool) -> None:
     target = Path(to) if to else run / ("events.json" if one else "events")
     check_file(target, flag="--to") if one else check_folder(target, flag="--to")
     with open_results(run) as results, results.failures():
-        written = write_event_files(results.rows(), format, target)
+        written = write_event_files(
+            results.rows(), format, target, results.place_of, stays=said
+        )  # what goes to an address lies here for a while
     if said:
         print(written[0] if len(written) == 1 else f"{target}: {counted(len(written), 'file')}")

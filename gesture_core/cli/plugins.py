@@ -118,7 +118,8 @@ def _make(found: Registry, entry: Registration) -> None:
     GestureError, OSError
         Whatever is wrong with it, such as a pose backend that takes no ``model``.
     """
-    from gesture_core.plugin.interfaces import INTERFACES, Closeable
+    from gesture_core.plugin.abilities import Closeable
+    from gesture_core.plugin.interfaces import INTERFACES
     from gesture_core.pose.models import choose_pose, find_model
 
     target, kind = found.load(entry.kind, entry.name), KINDS[entry.kind]

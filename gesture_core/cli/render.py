@@ -49,7 +49,7 @@ def render(
     overwrite
         Replace a file that is there.
     """
-    from gesture_core.pose.overlay import cropped, overlay, write_strip
+    from gesture_core.pose.overlay import STRIP, cropped, overlay, write_strip
     from gesture_core.video import at_rate, open_configured, pictures
     from gesture_core.video.writer import can_write_video, write_video
 
@@ -87,7 +87,7 @@ def render(
         if target.suffix.lower() == ".mp4":
             count = write_video(overlay(frames, found, tags), target)
         else:  # cropped first, so that what is written above a person is inside
-            count = write_strip(overlay(*cropped(frames, found), tags), target)
+            count = write_strip(overlay(*cropped(frames, found, height=STRIP), tags), target)
     longest = max(sequence.frames_with_pose for sequence in found)
     who = "1 person" if len(found) == 1 else f"{len(found)} tracks of people, the longest"
     rate = settings.pose.rate

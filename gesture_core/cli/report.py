@@ -52,6 +52,8 @@ def report(
         )  # fmt: skip
     if not done.rows:
         say(NO_ROWS)
+    for note in done.notes:
+        say(note)
     for reason, rows in sorted(done.missing.items(), key=lambda pair: -pair[1]):
         say(f"no preview of {counted(rows, 'row')}: {reason}")
     print(printable(done.page))

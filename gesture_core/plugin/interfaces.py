@@ -9,26 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from gesture_core.plugin.abilities import ApproximateKernel as ApproximateKernel
-from gesture_core.plugin.abilities import Closeable as Closeable
-from gesture_core.plugin.abilities import Contributes as Contributes
-from gesture_core.plugin.abilities import CropFollowing as CropFollowing
-from gesture_core.plugin.abilities import DeviceChoice as DeviceChoice
-from gesture_core.plugin.abilities import DeviceKernel as DeviceKernel
-from gesture_core.plugin.abilities import ExplainsRefusal as ExplainsRefusal
-from gesture_core.plugin.abilities import GradientKernel as GradientKernel
-from gesture_core.plugin.abilities import HasMembers as HasMembers
-from gesture_core.plugin.abilities import LazyFrames as LazyFrames
-from gesture_core.plugin.abilities import LeavesOut as LeavesOut
-from gesture_core.plugin.abilities import NeedsDepth as NeedsDepth
-from gesture_core.plugin.abilities import OrdersClasses as OrdersClasses
-from gesture_core.plugin.abilities import PairKernel as PairKernel
-from gesture_core.plugin.abilities import RegionFollowing as RegionFollowing
-from gesture_core.plugin.abilities import SearchKernel as SearchKernel
-from gesture_core.plugin.abilities import StreamStep as StreamStep
-from gesture_core.plugin.abilities import SubsequenceKernel as SubsequenceKernel
-from gesture_core.plugin.abilities import Traceable as Traceable
-from gesture_core.plugin.abilities import WholeBody as WholeBody
 from gesture_core.records import VideoInfo as VideoInfo
 from gesture_core.records import VideoLimits as VideoLimits
 from gesture_core.records import VideoReport as VideoReport

@@ -42,6 +42,8 @@ _FARTHEST = {
 }  # fmt: skip
 _LEAST = 32
 """Pixels: nobody can be recognised in less."""
+_INPUT = 192
+"""Pixels of a side of a small network's input, down to which a view is halved."""
 
 # Confidences are mean scores in 0..1.
 CERTAIN = 0.65
@@ -96,8 +98,9 @@ class Window:
         top = int(np.clip(round(body.y - half), 0, high - least))
         right = int(np.clip(round(body.x + half), left + least, wide))
         bottom = int(np.clip(round(body.y + half), top + least, high))
-        # Even sides are halved exactly, and so fast, where the view is scaled down.
-        right, bottom = right - (right - left) % 2, bottom - (bottom - top) % 2
+        # Even sides are halved exactly, and so fast, where the view is scaled down: large ones repeatedly.
+        even = 2 ** max(1, (max(right - left, bottom - top) // _INPUT).bit_length() - 1)
+        right, bottom = right - (right - left) % even, bottom - (bottom - top) % even
         return cls(left, top, max(right, left + 1), max(bottom, top + 1))
 
     def view(self, frame: np.ndarray) -> np.ndarray:

@@ -28,6 +28,8 @@ def _colour(text: str) -> Colour:
 _SIDES = {"right": _colour(colours.RIGHT), "left": _colour(colours.LEFT), "middle": _colour(colours.MIDDLE)}
 _PEOPLE = tuple(map(_colour, (colours.GREEN, colours.VERMILLION, colours.PURPLE, colours.BLUE, colours.GREY)))
 """One colour for each person, in turn."""
+STRIP = 320
+"""Pixels that a strip is high."""
 _SAME = 0.0005
 """Seconds below which two times are one: less than half a frame at the fastest rate that is read."""
 
@@ -134,7 +136,10 @@ def overlay(
 
 
 def cropped(
-    frames: Iterable[tuple[float, np.ndarray]], poses: Sequence[PoseSequence], margin: float = 0.15
+    frames: Iterable[tuple[float, np.ndarray]],
+    poses: Sequence[PoseSequence],
+    margin: float = 0.15,
+    height: int | None = None,
 ) -> tuple[Iterator[tuple[float, np.ndarray]], list[PoseSequence]]:
     """The frames, cropped to where the people of ``poses`` are in all their time; and the poses in them.
 
@@ -145,15 +150,27 @@ def cropped(
         In pixels of the frames.
     margin : float
         On each side, as a share of the longer side of that place.
+    height : int, optional
+        What they are scaled to, in pixels, so that what is written into them is as large as it is looked at.
     """
+    import cv2
+
     place = room_around([pose.box for pose in poses if pose.box], margin)
     corner = np.array([place[1].start, place[0].start], np.float32)
-    moved = [replace(pose, keypoints=pose.keypoints - corner, frame_size=None) for pose in poses]
-    return ((time, frame[place]) for time, frame in frames), moved
+    edge = np.array(poses[0].frame_size or (place[1].stop, place[0].stop))
+    wide, high = (np.minimum((place[1].stop, place[0].stop), edge) - corner).tolist()
+    scale = 1.0 if height is None else height / high
+    size = max(1, round(scale * wide)), round(scale * high)
+    how = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+    moved = [replace(pose, keypoints=(pose.keypoints - corner) * scale, frame_size=None) for pose in poses]
+    parts = ((time, frame[place]) for time, frame in frames)
+    if height is None:
+        return parts, moved
+    return ((time, cv2.resize(part, size, interpolation=how)) for time, part in parts), moved
 
 
 def write_strip(
-    frames: Iterable[tuple[float, np.ndarray]], path: Path, *, pictures: int = 8, height: int = 240
+    frames: Iterable[tuple[float, np.ndarray]], path: Path, *, pictures: int = 8, height: int = STRIP
 ) -> int:
     """Write about evenly spaced frames side by side as a PNG; the number of frames seen.
 

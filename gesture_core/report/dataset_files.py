@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import islice
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from gesture_core.files import replacing
@@ -65,10 +66,11 @@ class CocoWriter:
 
 
 class FiftyOneWriter:
-    """Labels as FiftyOne's type of data set ``FiftyOneTemporalDetectionDataset`` has them, by the input.
+    """Labels as FiftyOne's type of data set ``FiftyOneTemporalDetectionDataset`` has them.
 
-    Every row with a label is a temporal detection, with its time in seconds. An input without any has an
-    empty list, and why is in ``unlabelled``.
+    They are by the name of the input without its ending, as FiftyOne calls a video; names that differ in
+    nothing else keep it, as FiftyOne knows only one of the two. Every row with a label is a temporal
+    detection, with its time in seconds. An input without any has an empty list, and why is in ``unlabelled``.
     """
 
     suffix = ".fiftyone.json"
@@ -79,7 +81,7 @@ class FiftyOneWriter:
         unlabelled: dict[str, list[dict[str, Any]]] = {}
         for row in rows:
             found = labels.setdefault(row["input"], [])
-            facts = {name: row[name] for name in _FACTS}
+            facts = {name: row[name] for name in _FACTS if name != "confidence"}  # it has a place of its own
             if row["label"] is None:
                 unlabelled.setdefault(row["input"], []).append(facts | {"message": row["message"]})
                 continue
@@ -88,7 +90,12 @@ class FiftyOneWriter:
             sure = _sureness(row)
             found.append(one if sure is None else one | {"confidence": sure})
         classes = sorted({one["label"] for found in labels.values() for one in found})
-        _write_json({"classes": classes, "labels": labels, "unlabelled": unlabelled}, path)
+        stems = {name: name.removesuffix(PurePosixPath(name).suffix) for name in labels}
+        times = Counter(stems.values())
+        called = {name: stem if times[stem] == 1 else name for name, stem in stems.items()}
+        named = {called[name]: found for name, found in labels.items()}
+        why = {called[name]: reasons for name, reasons in unlabelled.items()}
+        _write_json({"classes": classes, "labels": named, "unlabelled": why}, path)
 
 
 def _write_json(tree: dict[str, Any], path: Path) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import html
 import json
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,22 @@ from typing import Any
 from gesture_core.errors import MissingDependencyError, RunFolderError
 from gesture_core.files import printable, replacing
 from gesture_core.records import Row
+from gesture_core.run.addresses import is_address
+from gesture_core.run.inputs import VIDEO_SUFFIXES
+from gesture_core.video.containers import begins_as_video
 
 FORMATS = ("eaf", "vtt", "srt", "audacity", "activitynet")
 _SUFFIXES = {"eaf": ".eaf", "vtt": ".vtt", "srt": ".srt", "audacity": ".txt"}
 
 
-def write_event_files(rows: Iterable[Row], format: str, target: Path) -> list[Path]:
+def write_event_files(
+    rows: Iterable[Row],
+    format: str,
+    target: Path,
+    place_of: Callable[[str], Path | None] = lambda name: None,
+    *,
+    stays: bool = True,
+) -> list[Path]:
     """Write the events among ``rows`` in one of `FORMATS`.
 
     Parameters
@@ -30,6 +41,10 @@ def write_event_files(rows: Iterable[Row], format: str, target: Path) -> list[Pa
     format : str
     target : Path
         A folder, or for ``activitynet`` a file.
+    place_of : callable, optional
+        The absolute path of an input by its name, for formats that name the recording.
+    stays : bool
+        Whether the files stay in ``target``, so that they may say where the recording is from there.
 
     Returns
     -------
@@ -63,7 +78,10 @@ def write_event_files(rows: Iterable[Row], format: str, target: Path) -> list[Pa
     for name, events in inputs.items():
         path = _free(target, name, _SUFFIXES[format], written)
         with replacing(path) as temporary:
-            _WRITERS[format](name, events, temporary)
+            if format == "eaf":
+                _write_elan(_media(name, place_of(name), target if stays else None), events, temporary)
+            else:
+                _WRITERS[format](events, temporary)
         written.append(path)
     return written
 
@@ -94,14 +112,33 @@ def activitynet(inputs: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
     return {"version": "VERSION 1.3", "results": results, "external_data": {}}
 
 
-def _write_elan(name: str, events: Sequence[Row], path: Path) -> None:
+def _media(name: str, place: Path | None, folder: Path | None) -> tuple[str, str | None] | None:
+    """What ELAN is to play: its URL, and where it is from ``folder``; None of what is no video.
+
+    ELAN takes both literally, and writes them so: a blank is a blank.
+    """
+    if is_address(name):
+        return printable(name), None
+    if place is None or not (place.suffix.lower() in VIDEO_SUFFIXES or begins_as_video(place)):
+        return None
+    url = "file:///" + printable(place.as_posix()).lstrip("/")
+    try:
+        real = place.parent.resolve() / place.name
+        near = Path(os.path.relpath(real, folder.resolve())).as_posix() if folder else None
+    except ValueError:  # on another drive of Windows
+        near = None
+    return url, near and printable(near if near.startswith("../") else f"./{near}")
+
+
+def _write_elan(media: tuple[str, str | None] | None, events: Sequence[Row], path: Path) -> None:
     try:
         from pympi import Elan
     except ImportError:
         raise _missing("ELAN files need pympi-ling") from None
     document = Elan.Eaf(author="gesture-core")
     document.remove_tier("default")
-    document.add_linked_file(printable(name.partition("::")[0]), mimetype="video/*")
+    if media is not None:
+        document.add_linked_file(*media, mimetype="video/*")
     every = tiers(events) or {"person 0": []}
     for tier, some in every.items():
         document.add_tier(tier)
@@ -111,7 +148,7 @@ def _write_elan(name: str, events: Sequence[Row], path: Path) -> None:
     document.to_file(str(path))
 
 
-def _write_vtt(name: str, events: Sequence[Row], path: Path) -> None:
+def _write_vtt(events: Sequence[Row], path: Path) -> None:
     try:
         import webvtt
     except ImportError:
@@ -124,7 +161,7 @@ def _write_vtt(name: str, events: Sequence[Row], path: Path) -> None:
         document.write(file)
 
 
-def _write_srt(name: str, events: Sequence[Row], path: Path) -> None:
+def _write_srt(events: Sequence[Row], path: Path) -> None:
     blocks = [
         f"{number}\n{_clock(row.start, ',')} --> {_clock(row.end, ',')}\n{_said(row, events)}\n"
         for number, row in enumerate(_in_order(events), 1)
@@ -132,7 +169,7 @@ def _write_srt(name: str, events: Sequence[Row], path: Path) -> None:
     path.write_text("\n".join(blocks), "utf-8")
 
 
-def _write_audacity(name: str, events: Sequence[Row], path: Path) -> None:
+def _write_audacity(events: Sequence[Row], path: Path) -> None:
     """A label track: start, end and text, with tabs between them."""
     lines = [
         f"{row.start or 0.0:.6f}\t{row.end or 0.0:.6f}\t{_said(row, events)}\n" for row in _in_order(events)
@@ -140,8 +177,7 @@ def _write_audacity(name: str, events: Sequence[Row], path: Path) -> None:
     path.write_text("".join(lines), "utf-8")
 
 
-_WRITERS: Mapping[str, Callable[[str, Sequence[Row], Path], None]] = {
-    "eaf": _write_elan,
+_WRITERS: Mapping[str, Callable[[Sequence[Row], Path], None]] = {
     "vtt": _write_vtt,
     "srt": _write_srt,
     "audacity": _write_audacity,

@@ -126,7 +126,7 @@ def _beside(
     if which == "query":
         lines = ["this input"]
     else:
-        what = "nearest" if which == "nearest" else "runner-up"
+        what = "its nearest" if which == "nearest" else "runner-up"
         lines = [side.label, f"{what}, at {_number(side.distance, 3)}", side.example.rpartition("/")[2]]
         lines += ["read as the other hand"] if side.mirrored else []
     if which not in strips.pictures:
@@ -189,7 +189,6 @@ def _panel(
     curves, times = curves_of(found, channel), found.nearest.query.times
     name = names(curves.channel)
     axes = _axes(figure, left + 0.95, foot, each - 1.15, _PANEL)
-    axes.axhline(0, color=MATCH, linewidth=0.6)
     for values, colour, style in (
         (curves.far, RUNNER_UP, "--"), (curves.near, ANSWER, "-"), (curves.query, QUERY, "-"),
     ):  # fmt: skip
@@ -198,6 +197,9 @@ def _panel(
     axes.set_xlabel("seconds of this input", fontsize=_SMALL)
     axes.set_ylabel((name.unit or "value").replace(" a second", "\na second"), fontsize=_SMALL)
     axes.margins(x=0)
+    low, high = axes.get_ylim()
+    if low < 0 < high:
+        axes.axhline(0, color=MATCH, linewidth=0.6, zorder=1)
     axes.locator_params(nbins=5)
     axes.tick_params(labelsize=_SMALL)
     _style(axes)
@@ -214,7 +216,7 @@ def _legend(figure: Figure, height: float, found: Explanation) -> None:
     line: Any = partial(Line2D, [], [], linewidth=2)
     shown = [
         ("this input", line(color=QUERY)),
-        (f"{found.nearest.label}, nearest example", line(color=ANSWER)),
+        (f"{found.nearest.label}, its nearest example", line(color=ANSWER)),
     ]
     if found.runner_up is not None:
         shown.append((f"{found.runner_up.label}, runner-up", line(color=RUNNER_UP, linestyle="--")))

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gesture_core.errors import ConfigError, InputError
-from gesture_core.files import replacing
+from gesture_core.files import printable, replacing
 from gesture_core.report.run_rows import PageRows, read_rows
 from gesture_core.run.extract import Listener
 from gesture_core.run.results import open_results
+from gesture_core.run.review import NONE
 
 INDEX, DATA, CLIPS, DETAILS = "index.html", "data.js", "clips", "details"
 CHUNK = 40
@@ -21,6 +23,7 @@ CHUNK = 40
 NO_ROWS = "the run has no rows: nothing was finished yet, or its shard has no inputs"
 _PAGE = Path(__file__).parent / "page"
 """What every page consists of besides its data."""
+_NAMED = 5
 _BEGINNING = "window.gestureData="
 """How the data of a page begin."""
 
@@ -38,6 +41,8 @@ class Report:
         Why a row has no preview, and of how many.
     labels : tuple of str
         Of the examples.
+    notes : tuple of str
+        What the page lacks, and what may be wrong with it, in sentences.
     """
 
     page: Path
@@ -45,6 +50,7 @@ class Report:
     previews: int
     missing: Mapping[str, int]
     labels: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def write_report(
@@ -103,8 +109,18 @@ def write_report(
         listener=listener,
     )
     write_page(folder, found)
-    labels_known = tuple(found.facts["labels"])
-    return Report(folder / INDEX, len(found.rows), found.previews, found.missing, labels_known)
+    known = tuple(found.facts["labels"])
+    notes = filter(None, (found.facts["unaligned"], _unknown(found) if known else ""))
+    return Report(folder / INDEX, len(found.rows), found.previews, found.missing, known, tuple(notes))
+
+
+def _unknown(found: PageRows) -> str:
+    """Which labels of the truth no example has; empty where all are known, or are of none of the gestures."""
+    truth = Counter(row[found.columns.index("truth")] for row in found.rows)
+    unknown = sorted(set(truth) - {None, NONE, *found.facts["labels"]})
+    rows = sum(truth[label] for label in unknown)
+    named = ", ".join(map(printable, unknown[:_NAMED])) + (", …" if len(unknown) > _NAMED else "")
+    return f"no example is called {named}: rows that are said to be count as wrong ({rows})" if rows else ""
 
 
 def check_page_folder(folder: Path) -> None:

@@ -36,6 +36,10 @@ COLUMNS = (
     "confidence", "score", "start", "end", "length", "near", "far", "clip", "seconds", "missing", "truth",
 )  # fmt: skip
 """Of a row of the page; ``near`` and ``far`` are positions among the examples."""
+UNALIGNED = (
+    "no row is aligned: the fitted examples of the run are gone, or of another version; "
+    "gesture explain fits them again for one input, a new run for all"
+)
 _BATCH = 64
 
 
@@ -105,6 +109,7 @@ def read_rows(
         "reject": settings.classify.reject,
         "spot": _event_threshold(settings),
         "network": settings.pose.model,
+        "unaligned": UNALIGNED if examples and not spotted and recognizer is None else "",
         "fingerprint": fingerprint,
         "labels": sorted({one.label for one in examples.values()}),
         "examples": [one.record() for one in examples.values()],

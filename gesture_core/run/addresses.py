@@ -42,6 +42,8 @@ _LONGEST = 200
 _OWN = os.urandom(4).hex()
 _FOLDERS: set[str] = set()
 """Of what this process has fetched, which end with it."""
+_LINK = re.compile(r"::(?=[A-Za-z][\w+.-]*://)")
+"""What chains two addresses; any other ``::`` is part of a name."""
 _QUERY = re.compile(r"(://[^\s'\"?]*)\?[^\s'\"]+")
 
 
@@ -66,15 +68,16 @@ class Entry:
 
 
 def is_address(source: object) -> bool:
-    """Whether a source is no path: ``s3://bucket/folder``, ``zip://*.mp4::s3://bucket/archive.zip``."""
-    return "://" in str(source)
+    """Whether a source is no path, which ``file://`` is: ``s3://bucket``, ``zip://*.mp4::s3://bucket/a.zip``."""
+    text = str(source)
+    return "://" in text and not (text.startswith("file://") and len(_LINK.split(text)) == 1)
 
 
 def shown(address: str) -> str:
     """An address as it may be printed and kept: without a query, which may be a signature."""
     if not is_address(address):
         return printable(address)
-    return printable("::".join(_parted(part)[0] for part in address.split("::")))
+    return printable("::".join(_parted(part)[0] for part in _LINK.split(address)))
 
 
 def _parted(part: str) -> tuple[str, str]:
@@ -91,12 +94,10 @@ def local_path(source: str) -> str:
     That is of this process alone: another run of the same archive deletes nothing that this one reads.
     """
     if not is_address(source):
-        return source
-    if source.startswith("file://") and "::" not in source:
         from urllib.request import url2pathname
 
-        return url2pathname(source.removeprefix("file://"))
-    parts, name = _root(shown(source)).split("::"), "all"
+        return url2pathname(source.removeprefix("file://")) if source.startswith("file://") else source
+    parts, name = _LINK.split(_root(shown(source))), "all"
     for place, part in enumerate(parts):
         kind, _, path = part.partition("://")
         above, _, last = path.rstrip("/").rpartition("/")
@@ -118,7 +119,7 @@ def _leave_nothing() -> None:
 
 def _root(address: str) -> str:
     """What is in front of a pattern, else the address itself."""
-    path, *rest = address.split("::")
+    path, *rest = _LINK.split(address)
     while "*" in path:
         path = path.rpartition("/")[0]
     return "::".join([path, *rest])
@@ -178,13 +179,8 @@ def put(path: Path, address: str) -> None:
 
 def roots(sources: Sequence[str]) -> tuple[bytes, ...]:
     """What the places of objects begin with that are listed by ``sources``, as far as these are addresses."""
-    found = []
-    for source in filter(is_address, sources):
-        if not source.startswith("file://"):
-            system, path = _open(_root(source))
-            outer = source.split("::")[1:]
-            found.append(shown("::".join([str(system.unstrip_protocol(path)), *outer])))
-    return tuple(map(os.fsencode, found))
+    listed = [(source, *_open(_root(source))) for source in sources if is_address(source)]
+    return tuple(os.fsencode(shown(_named(system, source, path))) for source, system, path in listed)
 
 
 def look(address: str) -> Entry:
@@ -279,7 +275,7 @@ def _md5(path: Path) -> str:
 
 def _open(address: str) -> tuple[Any, str]:
     """The file system of an address, and the path in it."""
-    parts = address.split("::")
+    parts = _LINK.split(address)
     for part in parts:
         kind, _, rest = part.partition("://")
         server = rest.partition("/")[0]
@@ -295,7 +291,9 @@ def _open(address: str) -> tuple[Any, str]:
         from fsspec.core import url_to_fs
 
         options = {part.partition("://")[0]: {"use_listings_cache": False} for part in parts}
-        system, path = url_to_fs(address, **(options if len(parts) > 1 else next(iter(options.values()))))
+        plain = "::".join([parts[0].partition("::")[0], *parts[1:]])  # fsspec would take it for a chain
+        system, path = url_to_fs(plain, **(options if len(parts) > 1 else next(iter(options.values()))))
+        path = system._strip_protocol(parts[0]) if "::" in parts[0] else path
     except (ImportError, ValueError) as error:
         if isinstance(error, ValueError) and "rotocol not known" not in str(error):
             raise _failed(address, error) from None
@@ -331,7 +329,7 @@ def _blamed(address: str, writing: bool = False) -> Iterator[None]:
 def _failed(address: str, error: Exception, writing: bool = False) -> InputError:
     """The error, without what must not be shown of an address."""
     cause = described(error) if not isinstance(error, FileNotFoundError) else "no such object"
-    for part in address.split("::"):
+    for part in _LINK.split(address):
         _, query = _parted(part)
         cause = cause.replace(query, "…") if query else cause
     cause = _QUERY.sub(r"\1?…", cause)  # a server may have led to an address that is signed
@@ -371,14 +369,19 @@ def _safe(parts: list[str]) -> Path:
     return Path(*safe)
 
 
+def _named(system: Any, source: str, path: str) -> str:
+    """The address of what a file system calls ``path``, its protocol as in ``source``: az, not abfs."""
+    first, *outer = _LINK.split(source)
+    inside = str(system.unstrip_protocol(path)).partition("://")[2]
+    return "::".join([f"{first.partition('://')[0]}://{inside}", *outer])
+
+
 def _entry(system: Any, source: str, about: Mapping[str, Any]) -> Entry:
     if not any(about.get(key) for key in ("ETag", "etag", "md5Hash", *_VERSIONS)):
         about = {**about, **system.info(about["name"])}  # a page of links does not say
-    _, *outer = source.split("::")
-    query = _parted(source)[1] if not outer else ""
-    address = "::".join([str(system.unstrip_protocol(about["name"])), *outer])
-    etag = str(about.get("ETag") or about.get("etag") or "").strip('"')
-    size = about.get("size")
+    query = _parted(source)[1] if len(_LINK.split(source)) == 1 else ""
+    address = _named(system, source, about["name"])
+    etag, size = str(about.get("ETag") or about.get("etag") or "").strip('"'), about.get("size")
     versions = [etag] if etag else [_plain(about.get(key)) for key in _VERSIONS]
     md5 = etag if _MD5.fullmatch(etag) and source.startswith("s3") else ""
     if query and "?" not in address:

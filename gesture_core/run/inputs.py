@@ -121,7 +121,7 @@ def discover(
     Parameters
     ----------
     sources : sequence of path
-        A text manifest (``.txt``) has one path a line; a CSV manifest has a column ``path`` and
+        A text manifest (``.txt``) has one path or address a line; a CSV manifest has a column ``path`` and
         perhaps ``label``. Relative paths in it start at its own folder.
     avoid : Path, optional
         A folder that is not walked into: the run folder.
@@ -156,10 +156,7 @@ def discover(
     empty = []
     for source in sources:
         text = os.fspath(source)
-        if is_address(text) and not text.startswith("file://"):
-            before, items = walk.passed, list(walk.address(text))
-        else:
-            before, items = walk.passed, list(walk.source(Path(local_path(text))))
+        before, items = walk.passed, list(walk.source(text))
         if not items and walk.passed == before:
             empty.append(shown(text))
         for item in items:
@@ -179,7 +176,7 @@ def discover(
                     code="E_CONTRADICTION",
                 )
     if found and all(item.code == "E_NOT_FOUND" for item in found.values()):
-        raise _not_found(next(iter(found.values())).path)
+        raise first.error() if (first := next(iter(found.values()))).address else _not_found(first.path)
     if empty and found:
         warnings.warn(f"holds nothing to read: {', '.join(empty)}", stacklevel=2)
     return list(found.values())
@@ -216,30 +213,32 @@ class Walk:
         self.passed = 0
         """Folders that were not entered, since they had been entered before."""
 
-    def source(self, path: Path) -> Iterator[Input]:
-        """Inputs of something that the user named: a path, a glob or a manifest."""
-        entries = None
+    def source(self, text: str) -> Iterator[Input]:
+        """Inputs of something that the user named: an address, a path, a glob or a manifest."""
+        if is_address(text):
+            yield from self.address(text)
+            return
+        entries, path = None, Path(local_path(text))
         if path.suffix.lower() in _MANIFESTS and path.is_file() and not self._is_text_of_keypoints(path):
             from gesture_core.run.tables import read_manifest
 
             entries = read_manifest(path)
         if entries is not None:
             for entry, label in entries:
-                if not exists(entry):
+                if isinstance(entry, Path) and not exists(entry):
                     raise _not_found(
                         entry, f"in {printable(os.fspath(path))}, which is read as a list of paths"
                     )
                 if label:  # a folder inside another one has been walked into, by another label perhaps
                     self._been.clear()
-                for item in self.path(entry):
+                for item in self.address(entry) if isinstance(entry, str) else self.path(entry):
                     yield replace(item, label=label) if label else item
         elif exists(path):
             yield from self.path(path)
         else:
-            text = os.fspath(path)
-            if not glob.has_magic(text):
+            if not glob.has_magic(os.fspath(path)):
                 raise _not_found(path)
-            matches = sorted(glob.glob(text, recursive=True))  # noqa: PTH207
+            matches = sorted(glob.glob(os.fspath(path), recursive=True))  # noqa: PTH207
             if not matches:  # of several patterns, as a set of cameras has them, one may match nothing
                 yield _broken(path, "E_NOT_FOUND", "nothing matches", "another pattern")
             for match in matches:
@@ -298,27 +297,28 @@ class Walk:
                 self.passed += 1
                 return
             self._been.add(identity)
-            entries = sorted(folder.iterdir(), key=lambda entry: os.fsencode(entry.name))
-            folders = set()
+            names, folders = list[str](), set[str]()
             with os.scandir(folder) as found:  # which knows most folders without a look at them
                 for one in found:
-                    with suppress(OSError):  # a link into a folder that is closed to us is a row as any other
-                        folders |= {folder / one.name} if one.is_dir() else set()
+                    if not passed_over(one.name) and one.name not in OWN_FILES:
+                        names.append(one.name)
+                        with suppress(OSError):  # a link into a folder that is closed to us is a row, too
+                            folders |= {one.name} if one.is_dir() else set()
         except OSError as error:
             yield _broken(folder, "E_READ", f"cannot be listed: {error.strerror}")
             return
-        entries = [e for e in entries if not passed_over(e.name) and e.name not in OWN_FILES]
-        files = [entry for entry in entries if entry not in folders and not self._is_video(entry)]
+        entries = [(folder / name, name in folders) for name in sorted(names, key=os.fsencode)]
+        files = [entry for entry, is_folder in entries if not is_folder and not self._is_video(entry)]
         self._readers.expect(files)
         reader, fault = self._readers.of(folder, {file.suffix.lower() for file in files})
         if reader:
             yield from self._members(folder, reader)
-        for entry in entries:
-            if entry in folders:
+        for entry, is_folder in entries:
+            if is_folder:
                 yield entry
             else:
-                companion = entry.suffix.lower() in COMPANIONS
-                beside = bool(reader) and (companion or self._readers.may_take(reader, entry))
+                companion = bool(reader) and entry.suffix.lower() in COMPANIONS
+                beside = companion or (bool(reader) and self._readers.may_take(reader, entry))
                 for item in self._file(entry, say_why=not (beside or fault)):
                     if item.kind == "other" and fault:  # its folder may have been one of keypoint files
                         yield replace(item, kind="broken", code=fault[0], fault=f"of its folder, {fault[1]}")
@@ -348,7 +348,7 @@ class Walk:
             return False
         suffix = path.suffix.lower()
         named = suffix in VIDEO_SUFFIXES or (self._readers.pictures and suffix in PICTURES)
-        return named and not is_text_of_series(path)
+        return named and not (suffix == ".ts" and is_text_of_series(path))
 
     def _may_be_video(self, path: Path) -> bool:
         """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""

@@ -130,7 +130,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
     ):
         plan = make_plan(request, results, assistant)
         listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
-        if "video" in plan.identity:
+        if plan.waiting and "video" in plan.identity:
             first = not results.counts()  # what is said once need not be said by every command
             listener.network(described(plan.settings, hint=first))
         run = _Run(request, plan, results, assistant, listener)

@@ -42,12 +42,6 @@ _TABLES = {
     "published": "key BLOB PRIMARY KEY, file TEXT NOT NULL",
 }
 
-_COLUMNS = {
-    "meta": ("key", "value"),
-    "content": ("key", "stamp", "sha256"),
-    "rows": ("key", "place", "role", *COLUMNS),
-    "published": ("key", "file"),
-}
 _QUOTED = ", ".join(f"`{name}`" for name in COLUMNS)
 """The columns as SQL takes them: some are its words."""
 
@@ -235,7 +229,8 @@ class Results:
             for table in ("rows", "content", "published"):
                 self._db.execute(f"DELETE FROM {table}")
             for other in others:
-                for table, names in _COLUMNS.items():
+                for table in _TABLES:
+                    names = [row["name"] for row in self._db.execute(f"PRAGMA table_info({table})")]
                     records = other._db.execute(f"SELECT * FROM {table} ORDER BY rowid")
                     self._db.executemany(
                         f"INSERT OR REPLACE INTO {table} ({', '.join(f'`{name}`' for name in names)}) "

@@ -163,13 +163,14 @@ def _with_damage(row: Row, item: Input, found: Extracted) -> Row:
     """The row, if frames of its input are lost: a label is degraded, a missing label is an error."""
     if found.complete or row.status == "error":
         return row
+    kept = f"{found.frames_read} frame{'s' * (found.frames_read != 1)}"
     otherwise = f"; otherwise: {row.code} {row.message.removeprefix(f'{item.name}: ')}" if row.code else ""
     return replace(
         row,
         status=Code.MEDIA_PARTIAL.status if row.status == "ok" else "error",
         code="E_MEDIA_PARTIAL",
         message=f"{item.name}: {'; '.join(found.notes) or 'frames are missing'}; "
-        f"kept: {found.frames_read} frames; try: repairing the file{otherwise}",
+        f"kept: {kept}; try: repairing the file{otherwise}",
     )
 
 

@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import printable
+from gesture_core.run.addresses import is_address, local_path
 from gesture_core.run.inputs import VIDEO_SUFFIXES, Input
 
 NO_TEXT, SAVE_AS_TEXT = "is not text in UTF-8", "saving it as UTF-8"
@@ -32,8 +33,8 @@ _DRIVE = re.compile(r"[A-Za-z]:[\\/]")
 Parts = tuple[str, ...]
 
 
-def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
-    """Paths and labels listed in ``path``, a file called so; None where it is no manifest.
+def read_manifest(path: Path) -> list[tuple[Path | str, str | None]] | None:
+    """Paths or addresses, and labels, listed in ``path``, a file called so; None where it is no manifest.
 
     A text manifest (``.txt``) has one path a line, a CSV manifest a column ``path`` and perhaps
     ``label``. Relative paths start at the manifest's folder; lines that begin with ``#`` are comments.
@@ -47,7 +48,7 @@ def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
     try:
         if path.suffix.lower() == ".txt":
             lines = [line for line in _lines(path) if line.strip() and not line.startswith("#")]
-            return [(place(path.parent, line), None) for line in lines]
+            return [(_listed(path.parent, line), None) for line in lines]
         lines = list(_lines(path, ends=True))
         cells, mark = _headings(lines)
         if (at := _first(cells, _PATHS)) is None:
@@ -55,7 +56,7 @@ def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
         label = cells.index("label") if "label" in cells else len(cells)
         rows = list(csv.reader(lines, delimiter=mark))[1:]
         return [
-            (place(path.parent, row[at]), _text(row[label]) or None if label < len(row) else None)
+            (_listed(path.parent, row[at]), _text(row[label]) or None if label < len(row) else None)
             for row in rows
             if at < len(row) and row[at]
         ]
@@ -63,6 +64,11 @@ def read_manifest(path: Path) -> list[tuple[Path, str | None]] | None:
         raise InputError(NO_TEXT, subject=subject, remedy=SAVE_AS_TEXT, code="E_MANIFEST") from None
     except (OSError, csv.Error) as error:
         raise InputError(f"not a manifest: {error}", subject=subject, code="E_MANIFEST") from None
+
+
+def _listed(folder: Path, text: str) -> Path | str:
+    """An address as it is written, or the path."""
+    return text if is_address(text) else place(folder, local_path(text))
 
 
 def place(folder: Path, text: str) -> Path:

@@ -5,18 +5,14 @@ from gesture_core.settings.schema import (
     DEFAULT_PRESET,
     ClassifySettings,
     LimitSettings,
-    PoseSettings,
     Settings,
-    SignalSettings,
 )
 
 __all__ = [
     "DEFAULT_PRESET",
     "ClassifySettings",
     "LimitSettings",
-    "PoseSettings",
     "Settings",
-    "SignalSettings",
     "load_settings",
     "presets",
     "settings_from_dict",

@@ -38,7 +38,7 @@ class PoseSettings(_Section):
     model : str
         Name or file of a pose network, or ``auto``: ``blazepose`` where it is installed, otherwise
         ``compact``.
-    provider : "auto", "cpu", "cuda", "tensorrt", "openvino", "coreml" or "directml"
+    provider : "auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml" or "openvino-bf16"
         What onnxruntime runs the network on; ``auto`` is the fastest that its installation has.
     target : "auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16" or "vulkan"
         What OpenCV runs the network on; ``auto`` is CUDA where it was built with it, otherwise the CPU.
@@ -61,7 +61,9 @@ class PoseSettings(_Section):
 
     backend: str = "auto"
     model: str = "auto"
-    provider: Literal["auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml"] = "auto"
+    provider: Literal[
+        "auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml", "openvino-bf16"
+    ] = "auto"
     target: Literal["auto", "cpu", "cuda", "cuda-fp16", "opencl", "opencl-fp16", "vulkan"] = "auto"
     people: Literal["single", "multi"] = "single"
     height: int | None = None
@@ -378,6 +380,8 @@ class Settings:
     def with_values(self, values: Iterable[tuple[str, Any]], origin: str = "--set") -> Settings:
         """The settings with ``(dotted key, value)`` pairs changed.
 
+        A ConfigError for an unknown key (naming the nearest one) or a value of the wrong type.
+
         Parameters
         ----------
         values : iterable of (str, object)
@@ -385,8 +389,6 @@ class Settings:
             key such as ``window`` is accepted where only one section or plugin has it.
         origin : str
             Where the values were given, for errors.
-
-        A ConfigError for an unknown key (naming the nearest one) or a value of the wrong type.
         """
         from gesture_core.settings.load import changed  # which reads text; here is only what there is
 

@@ -10,7 +10,8 @@ import numpy as np
 from gesture_core.demo.figure import GESTURES, Style, joints, random_body
 from gesture_core.errors import SignalError
 from gesture_core.joints import group_of
-from gesture_core.plugin.interfaces import Filter, NeedsDepth, Normalizer, Selector, WholeBody
+from gesture_core.plugin.abilities import NeedsDepth, WholeBody
+from gesture_core.plugin.interfaces import Filter, Normalizer, Selector
 from gesture_core.signals.chain import CHANNELS, channels_of
 from gesture_core.signals.mirror import mirrored
 from gesture_core.skeletons import COCO18, HANDS42, skeleton

@@ -33,3 +33,18 @@ def swing(
 def pose(points: np.ndarray, source: str = "") -> PoseSequence:
     """Coordinates as a PoseSequence at 25 frames per second."""
     return PoseSequence(points, np.ones(points.shape[:2]), np.arange(len(points)) / 25, source=source)
+
+
+GESTURES = {"up": ("right_wrist", 1, 1.0), "twice": ("right_wrist", 1, 2.0), "side": ("right_wrist", 0, 1.0)}
+
+
+def data(per_class: int = 3, seed: int = 0) -> tuple[list, list[str]]:  # type: ignore[type-arg]
+    """Noisy gestures of different lengths and sizes."""
+    random = np.random.default_rng(seed)
+    poses, labels = [], []
+    for label, (joint, axis, cycles) in GESTURES.items():
+        for _ in range(per_class):
+            points = swing(joint, axis, cycles, int(random.integers(25, 50)), random.uniform(95, 130))
+            poses.append(pose(points + random.normal(0, 1, points.shape)))
+            labels.append(label)
+    return poses, labels

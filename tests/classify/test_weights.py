@@ -26,6 +26,8 @@ from gesture_core.run.pipeline import RunSummary
 from gesture_core.settings import load_settings
 from gesture_core.types import Signals
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 ALL = load_settings("modern", ["classifier=weighed"], environment={})
 SEEDS = st.integers(0, 2**32 - 1)
 

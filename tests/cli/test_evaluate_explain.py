@@ -17,6 +17,8 @@ from distributions import gesture, make_distribution
 
 from gesture_core.cli.main import run
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 _LENGTHS = {"A": 30, "B": 36, "C": 42}
 
 
@@ -155,10 +157,12 @@ def test_what_is_written_is_there_though_nobody_reads_what_is_said(archive: Path
     commands = {
         "evaluate {archive} --protocol leave-one-out --out {out}/scores " + plain:
             "scores/answers.csv scores/confusion.png scores/evaluation.json scores/rejection.png",
-        "classify {archive} --examples {archive} --out {out}/run " + plain: "run/run.db run/run.fitted",
+        "classify {archive} --examples {archive} --out {out}/run --engine inline " + plain:
+            "run/run.db run/run.fitted",
         "explain {out}/run up_C.npy --out {out}/why.png": "why.png",
         "export {out}/run --to {out}/rows.csv": "rows.csv",
-        "extract {archive} --out {out}/poses --preset paper": "poses/keypoints/up/up_C.npy.parquet",
+        "extract {archive} --out {out}/poses --engine inline --preset paper":
+            "poses/keypoints/up/up_C.npy.parquet",
         "bench --kernel numpy --series 2 --out {out}/bench.json": "bench.json",
         "plugins new filter speed --out {out}": "gesture-speed/pyproject.toml",
     }  # fmt: skip

@@ -19,7 +19,7 @@ from gesture_core.dtw.distances import SMALL, cells_of, choose_kernel, warping_d
 from gesture_core.dtw.spec import DtwSpec
 from gesture_core.errors import ConfigError, InputError, PluginError
 from gesture_core.plugin import registry
-from gesture_core.plugin.interfaces import ApproximateKernel
+from gesture_core.plugin.abilities import ApproximateKernel
 from gesture_core.testing import Case, compare, draw_batch, reference_table
 
 KERNELS = [

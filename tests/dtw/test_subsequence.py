@@ -9,7 +9,7 @@ import pytest
 
 from gesture_core.dtw.subsequence import choose_subsequence_kernel, reference_subsequences
 from gesture_core.errors import InputError, PluginError
-from gesture_core.plugin.interfaces import SubsequenceKernel
+from gesture_core.plugin.abilities import SubsequenceKernel
 
 KERNELS = ("numpy", "numba", "jax", "torch")
 LENGTHS = (1, 2, 3, 7, 20)

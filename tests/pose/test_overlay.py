@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -188,6 +189,16 @@ def test_a_strip_is_cropped_to_the_people() -> None:
     ((_, exact),) = at
     assert np.nanmin(moved.keypoints, axis=(0, 1)) == pytest.approx((0, 0), abs=1)
     assert exact[0, 0, 0] == (top * 600 + left) * 3
+
+
+def test_a_strip_has_its_size_before_anything_is_written_into_it() -> None:
+    one = replace(pose(), frame_size=(600, 400))
+    parts, (near,) = cropped(frames((400, 600)), [one])
+    scaled, (grown,) = cropped(frames((400, 600)), [one], height=300)
+    plain, large = next(parts)[1], next(scaled)[1]
+    scale = 300 / plain.shape[0]
+    assert large.shape[:2] == (300, round(plain.shape[1] * scale))
+    assert np.allclose(grown.keypoints, near.keypoints * scale, equal_nan=True)
 
 
 def test_what_is_written_above_a_person_is_inside_of_the_strip() -> None:

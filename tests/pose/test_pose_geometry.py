@@ -158,3 +158,10 @@ def test_windows_lie_in_the_frame(x: float, y: float, torso: float, width: int, 
     size = window.right - window.left, window.bottom - window.top
     assert min(size) >= min(32, width, height) - 1
     assert window.view(np.zeros((height, width, 3), np.uint8)).shape[1::-1] == size
+
+
+@pytest.mark.parametrize(("torso", "even"), [(40, 2), (170, 2), (200, 4), (420, 8)])
+def test_large_windows_are_halved_exactly_more_than_once(torso: float, even: int) -> None:
+    for move in range(9):  # whatever the rounding
+        window = Window.around(Body(2000.3 + move, 1999.6, torso + 0.3 * move), 1.15, (4096, 4096))
+        assert (window.right - window.left) % even == (window.bottom - window.top) % even == 0

@@ -40,11 +40,15 @@ def test_fiftyone_has_the_times_of_every_label(tmp_path: Path) -> None:
     FiftyOneWriter().write(iter(RECORDS), COLUMNS, tmp_path / "k.json")
     tree = json.loads((tmp_path / "k.json").read_text("utf-8"))
     assert tree["classes"] == ["clap", "wave"]
-    assert [(one["label"], one["timestamps"]) for one in tree["labels"]["a.mp4"]] == [("wave", [0.5, 2.0])]
-    (event,) = tree["labels"]["long.mp4"]
+    assert [(one["label"], one["timestamps"]) for one in tree["labels"]["a"]] == [("wave", [0.5, 2.0])]
+    (event,) = tree["labels"]["long"]
     assert event["timestamps"] == [3.0, 4.5] and event["confidence"] == 0.75
-    assert tree["labels"]['<img onerror="x">.mp4'] == []
-    assert tree["unlabelled"]["a.mp4"][0]["code"] == "E_REJECTED"
+    assert not {"label", "support", "timestamps", "confidence"} & set(event["attributes"]), "given twice"
+    assert tree["labels"]['<img onerror="x">'] == []
+    assert tree["unlabelled"]["a"][0]["code"] == "E_REJECTED"
+    FiftyOneWriter().write(iter([*RECORDS, Row("a.avi").as_record()]), COLUMNS, tmp_path / "k.json")
+    tree = json.loads((tmp_path / "k.json").read_text("utf-8"))
+    assert {"a.mp4", "a.avi", "long"} < set(tree["labels"]), "a label goes to no other video"
 
 
 def test_the_parquet_says_which_labels_its_numbers_are(tmp_path: Path) -> None:

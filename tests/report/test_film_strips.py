@@ -16,6 +16,8 @@ from gesture_core.report.film_strips import PICTURES, film_strips
 from gesture_core.run.archive import classify_archive
 from gesture_core.run.explain import explain
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 __all__ = ["classified"]
 
 

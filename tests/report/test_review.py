@@ -32,6 +32,8 @@ from gesture_core.run.review import NONE, Answered, Answers, add_corrections, ch
 from gesture_core.run.store import write_keypoints
 from gesture_core.run.tables import read_labels, read_manifest
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 __all__ = ["classified"]
 FACTS: dict[str, Any] = {
     "frames_declared": None, "frames_read": 2, "frames_looked_at": 2, "complete": True, "notes": [],
@@ -210,9 +212,12 @@ def test_a_part_of_a_file_is_sent_to_a_player(server: ReviewServer) -> None:
 def test_a_key_a_clip_and_the_next_one_is_there(server: ReviewServer) -> None:
     keys = pytest.importorskip("selenium.webdriver.common.keys", reason="selenium is not installed")
     with browser() as driver:
-        resize(driver, 1280, 1400)
+        resize(driver, 1280, 900)
         driver.get(server.address)
         wait(driver, "document.querySelector('#stage .review')")
+        foot = "Math.max(...[...document.querySelectorAll('.answer-button')].map((one) => "
+        foot += "one.getBoundingClientRect().bottom))"
+        assert driver.execute_script(f"return {foot}") < 900, "what a person needs is seen at once"
         order = driver.execute_script("return gesture.state.shown.map((row) => row.index)")
         names = driver.execute_script("return gesture.state.shown.map((row) => row.best)")
         press(driver, "Enter")
@@ -230,6 +235,10 @@ def test_a_key_a_clip_and_the_next_one_is_there(server: ReviewServer) -> None:
         typing = driver.switch_to.active_element
         typing.send_keys("2j a <b>", keys.Keys.ENTER)
         until(lambda: server.answers.given().get(order[2]) == "2j a <b>")
+        press(driver, "?")
+        listed = driver.execute_script("return document.getElementById('keys').textContent")
+        assert listed.endswith("2j a <b>"), "a label has its key in the list as soon as it has one"
+        driver.execute_script("document.getElementById('help').close()")
         assert driver.execute_script("return gesture.state.chosen.index") == order[3]
         made = "[...document.querySelectorAll('#stage .answer-button')].find((one) => /2j a <b>$/.test("
         made += "one.textContent))"

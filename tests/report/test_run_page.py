@@ -20,6 +20,8 @@ from gesture_core.report.run_page import write_report
 from gesture_core.run.archive import classify_archive
 from gesture_core.run.results import open_results
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 HOSTILE = "<img src=x onerror=alert(1)>"
 
 
@@ -191,7 +193,9 @@ def test_an_input_that_moved_or_changed_has_its_row_without_a_clip(
     assert (done.rows, done.previews) == (3, 1)
     assert done.missing == {"is not where the run found it": 1, "has changed since the run": 1}
     (tmp_path / "run" / "run.fitted").unlink()
-    assert write_report(tmp_path / "run", tmp_path / "page").previews == 1, "it needs no fitted examples"
+    done = write_report(tmp_path / "run", tmp_path / "page")
+    assert done.previews == 1, "it needs no fitted examples"
+    assert len(done.notes) == 1 and "no row is aligned" in done.notes[0]
     assert not list((tmp_path / "page" / "details").iterdir())
 
 
@@ -210,6 +214,11 @@ def test_the_command_says_where_it_is_and_refuses_what_is_no_report(
     assert run([*words, str(mine)]) == 2 and (mine / "letter.txt").is_file()
     assert run([*words, str(mine / "letter.txt")]) == 2
     assert run(["report", str(mine)]) == 2
+    other = tmp_path / "other.csv"
+    other.write_text(truth.read_text("utf-8").replace(",wave", ",Wave"), "utf-8")
+    capsys.readouterr()
+    assert run([*words, str(tmp_path / "page"), "--labels", str(other)]) == 0
+    assert "no example is called Wave: rows that are said to be count as wrong (" in capsys.readouterr().err
     with pytest.raises(InputError, match="something else"):
         write_report(folder, mine)
     (mine / "data.js").write_text("const sales = [];", "utf-8")

@@ -12,6 +12,8 @@ import pytest
 from browser import axe, browser, complaints, requested, resize
 from test_run_page import HOSTILE, classified, page, rows_of
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 __all__ = ["classified", "page"]
 NAMES = "return [...document.querySelectorAll('#body tr[data-index] .file')].map((one) => one.textContent)"
 
@@ -113,6 +115,9 @@ def test_the_threshold_says_what_it_keeps_and_what_to_type(opened: Any, page: Pa
         const slider = document.querySelector('.slider');
         slider.value = 900; slider.dispatchEvent(new Event('input'));""")
     kept = sum(row["margin"] >= 0.9 for row in rows)
+    odd = "gesture.rows.filter((row) => row.distance !== null && (row.label !== null) !== "
+    odd += "gesture.keeps(row, {by: 'distance', value: gesture.limits.distance}))"
+    assert opened.execute_script(f"return [gesture.limits.distance > 0, {odd}]") == [True, []]
     assert opened.execute_script("return document.querySelector('.setting').textContent") == (
         "--set classify.margin=0.900"
     )
@@ -208,7 +213,11 @@ def test_it_prints_in_light_colours_and_with_every_row(opened: Any, page: Path) 
         assert ground == "rgb(255, 255, 255)" and max(map(int, re.findall(r"\d+", ink)[:3])) < 100
         assert opened.execute_script(style, ".filters", "display") == "none"
         opened.execute_script("dispatchEvent(new Event('beforeprint'))")
-        assert len(opened.execute_script(NAMES)) == len(rows_of(page))
+        printed = (
+            "return [...document.querySelectorAll('#body tr[data-index]')].map((one) => one.textContent)"
+        )
+        texts = opened.execute_script(printed)
+        assert len(texts) == len(rows_of(page)) and any(HOSTILE in text for text in texts)
     finally:
         opened.execute_script("dispatchEvent(new Event('afterprint'))")
         opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})

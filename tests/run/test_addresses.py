@@ -223,18 +223,37 @@ def test_a_corrected_clip_of_a_zip_file_becomes_an_example(folder: Path) -> None
         for file in sorted((folder / "videos").rglob("*.npz")):
             archive.write(file, file.relative_to(folder))
     address = f"zip://::file://{folder / 'archive.zip'}"
-    classify(address, folder / "examples", folder / "run")
+    summary = classify(address, folder / "examples", folder / "run")
     with Answers(folder / "run") as answers:
         for place, (_, row) in enumerate(answers.rows):
             answers.give(place, "left" if row.label == "right" else "right")
         table = write_answers(answers.answered(), folder / "answers.csv").read_text("utf-8")
     assert f"zip://videos/day0/left.npz::file://{folder / 'archive.zip'},right" in table
+    (folder / "list.txt").write_text("".join(line.split(",")[0] + "\n" for line in table.splitlines()[1:]))
+    assert [(one.name, one.label) for one in discover([folder / "list.txt"])] == [
+        (row.input, None) for row in summary.rows()
+    ]
+    by_table = classify(address, folder / "answers.csv", folder / "by-table", labels="folder")
+    assert [row.label for row in by_table.rows()] == ["right", "left"] * 2  # what the table says each one is
     (folder / "run" / "run.fitted").unlink()  # as after a run of an earlier version
     with pytest.raises(RunFolderError, match="with --overwrite"):
         add_corrections(folder / "run", folder / "more")
     classify(address, folder / "examples", folder / "run", overwrite=True)
     added = add_corrections(folder / "run", folder / "more").added
     assert added and all(path.stat().st_size for path in added)
+
+
+def test_names_with_two_colons_are_names(folder: Path, memory: Any) -> None:
+    data = (folder / "videos" / "day0" / "left.npz").read_bytes()
+    memory.pipe("/odd/cam::1/a::b.npz", data)
+    with zipfile.ZipFile(folder / "archive.zip", "w") as archive:
+        archive.writestr("cam::1/a::b.npz", data)
+    for number, address in enumerate(("memory://odd", f"zip://::file://{folder / 'archive.zip'}")):
+        (row,) = classify(address, folder / "examples", folder / f"run{number}").rows()
+        assert row.label == "left" and "cam::1/a::b.npz" in row.input
+        (again,) = classify(row.input, folder / "examples", folder / f"again{number}").rows()
+        assert again == row
+    assert explain(folder / "run1", row.input).explanation.nearest.label == "left"
 
 
 def test_an_address_with_a_password_is_refused_and_a_signature_is_never_kept(
@@ -367,11 +386,15 @@ def test_a_table_and_a_folder_of_events_are_written_to_an_address(
     folder: Path, memory: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     classify(folder / "videos", folder / "examples", folder / "run")
-    export(folder / "run", to="memory://bucket/deep/rows.csv")
-    assert capsys.readouterr().out == "memory://bucket/deep/rows.csv\n"
+    bucket = f"local://{(folder / 'bucket').as_posix()}"
+    (folder / "bucket").mkdir()
+    export(folder / "run", to=f"{bucket}/rows.csv")
+    assert capsys.readouterr().out == f"{bucket}/rows.csv\n"
     export(folder / "run", to="file://" + (folder / "rows.csv").as_posix())
-    assert memory.cat("/bucket/deep/rows.csv") == (folder / "rows.csv").read_bytes()
-    export(folder / "run", format="datasets", to="memory://bucket/rows.parquet")
+    assert (folder / "bucket" / "rows.csv").read_bytes() == (folder / "rows.csv").read_bytes()
+    export(folder / "run", format="datasets", to=f"{bucket}/rows.parquet")
+    with pytest.raises(ConfigError, match="would be gone with this command"):
+        export(folder / "run", to="memory://bucket/rows.csv")
     (folder / "tree" / "below").mkdir(parents=True)
     (folder / "tree" / "below" / "a.vtt").write_text("WEBVTT")
     put(folder / "tree", "memory://bucket/events/")
@@ -380,9 +403,9 @@ def test_a_table_and_a_folder_of_events_are_written_to_an_address(
     def refuse(*_: Any, **__: Any) -> None:
         raise PermissionError("not yours")
 
-    monkeypatch.setattr(type(memory), "put_file", refuse)
+    monkeypatch.setattr(fsspec.get_filesystem_class("local"), "put_file", refuse)
     with pytest.raises(InputError, match=r"cannot be written: .*not yours") as failed:
-        export(folder / "run", to="memory://bucket/rows.csv")
+        export(folder / "run", to=f"{bucket}/rows.csv")
     assert failed.value.code == "E_OUT"
 
 

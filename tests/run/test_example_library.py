@@ -17,6 +17,8 @@ from gesture_core import classify_archive, load_poses
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.run.pipeline import RunSummary
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:

@@ -53,7 +53,7 @@ def test_every_trap_costs_one_row(drawn: DemoArchive, site: Path, tmp_path: Path
     for number in range(HEALTHY - 12):
         shutil.copytree(drawn.video_keypoints / "clip_01", source / f"again_{number}")
         (source / f"again_{number}" / f"clip_01_{number:012d}_keypoints.json").unlink()
-    limits = ("--set", "limits.seconds=10", "--set", "limits.memory=700")
+    limits = ("--set", "limits.seconds=6", "--set", "limits.memory=700")
     examples = ("--examples", drawn.example_keypoints)
     clean = gesture("classify", source, *examples, "--out", tmp_path / "clean", *COMMON, *limits, path=site)
     for name in EXPECTED:

@@ -13,6 +13,8 @@ from gesture_core.run.pipeline import RunSummary
 from gesture_core.skeletons import COCO17, COCO18
 from gesture_core.testing import draw_pose
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 PICK = [COCO18.index(joint) for joint in COCO17.joints]
 
 

@@ -14,6 +14,8 @@ from gesture_core.cli.main import run
 from gesture_core.run.results import open_results
 from gesture_core.video.writer import write_video
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 
 @pytest.fixture
 def clip(tmp_path: Path) -> Path:

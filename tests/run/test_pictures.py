@@ -15,6 +15,8 @@ from gesture_core.records import VideoLimits
 from gesture_core.settings.schema import VideoSettings
 from gesture_core.video import open_video
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 cv2 = pytest.importorskip("cv2")
 STILLS = VideoSettings(pictures=True)
 

@@ -27,6 +27,8 @@ from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.recordings import as_recording
 from gesture_core.types import Signals
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 
 def imu(kind: str, seed: int, rate: float = 50.0) -> np.ndarray:
     """(T, 4): time, and an accelerometer that is shaken or turned, in an uneven rhythm."""

@@ -97,7 +97,7 @@ from gesture_core.run.export import export_rows
 from gesture_core.errors import GestureError
 from gesture_core.settings import LimitSettings
 
-limits = LimitSettings(seconds=5, memory=700)
+limits = LimitSettings(seconds=3, memory=700)
 for trouble in sys.argv[2:]:
     os.environ["TROUBLE"] = trouble
     try:

@@ -16,7 +16,7 @@ from conftest import ROOT
 from distributions import make_distribution
 from trouble_plugin import FIGURE, length
 
-LIMITS = ("--set", "limits.seconds=10", "--set", "limits.memory=700")
+LIMITS = ("--set", "limits.seconds=6", "--set", "limits.memory=700")
 CHAIN = (
     "--set", "normalizer=trouble-normalizer", "--set", "filters=trouble-filter,gaussian,center",
     "--set", "selector=trouble-selector", "--kernel", "trouble-kernel",

@@ -18,6 +18,8 @@ from gesture_core.run.results import open_results
 from gesture_core.spot.evaluation import Annotation, score_events
 from gesture_core.types import Event
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 QUICK = ("--engine", "inline", "--kernel", "numpy", "--set", "spot.tempos=[]",
          "--set", "spot.verify=false")  # fmt: skip
 

@@ -24,6 +24,8 @@ from gesture_core.types import Row
 from gesture_core.video import open_video
 from gesture_core.video.writer import VideoWriter
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 
 @pytest.fixture(scope="module")
 def recordings(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -44,6 +44,25 @@ def test_a_file_for_each_input_that_is_read_back(format: str, tmp_path: Path) ->
     assert list(read_annotations([written[2]], ROWS)) == []
 
 
+def test_elan_finds_the_recording_from_anywhere_and_beside_the_file(tmp_path: Path) -> None:
+    pympi = pytest.importorskip("pympi")
+    places = {"a/one.mp4": tmp_path / "my videos" / "one é.mp4", "c/none.mp4": tmp_path / "out" / "none"}
+    places["c/none.mp4"].mkdir(parents=True)
+
+    def media(stays: bool) -> list[list[dict[str, str]]]:
+        written = write_event_files(ROWS, "eaf", tmp_path / "out", places.get, stays=stays)
+        return [pympi.Elan.Eaf(str(path)).media_descriptors for path in written]
+
+    ((one,), gone, keypoints) = media(True)
+    assert one["MEDIA_URL"] == f"file://{tmp_path.as_posix()}/my videos/one é.mp4"
+    assert one["RELATIVE_MEDIA_URL"] == "../my videos/one é.mp4"
+    assert gone == keypoints == [], "what is no video cannot be played"
+    assert "RELATIVE_MEDIA_URL" not in media(False)[0][0]
+    (path,) = write_event_files([Row("s3://a/b.mp4", code="E_NO_EVENT")], "eaf", tmp_path / "out")
+    (far,) = pympi.Elan.Eaf(str(path)).media_descriptors
+    assert far["MEDIA_URL"] == "s3://a/b.mp4"
+
+
 def test_elan_has_a_tier_for_each_person_and_for_what_overlaps() -> None:
     found = tiers(ROWS[:3])
     assert {name: [row.label for row in rows] for name, rows in found.items()} == {

@@ -20,6 +20,8 @@ from gesture_core.spot.find import STRETCH, Query
 from gesture_core.spot.signals import stream_chain
 from gesture_core.types import PoseSequence
 
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 SETTINGS = load_settings(None, ["spot.tempos="], environment={})
 
 

@@ -77,7 +77,7 @@ gesture.alignment = (() => {
     const heads = [];
     const strips = make("div", { class: "strips", hidden: !gesture.pictured });
     const name = (kind, title) => make("p", { class: `strip-name ${kind}` }, title);
-    if (near) strips.append(name("near", `${near.label}, the nearest example${record.near.mirrored ? ", mirrored" : ""}, ${number(length(near, record.near), 1)} s`), strip(near.clip, near.seconds, "near", record.near.mirrored, wanted), threads(record.time, record.near.time, seconds, length(near, record.near), true));
+    if (near) strips.append(name("near", `${near.label}, its nearest example${record.near.mirrored ? ", mirrored" : ""}, ${number(length(near, record.near), 1)} s`), strip(near.clip, near.seconds, "near", record.near.mirrored, wanted), threads(record.time, record.near.time, seconds, length(near, record.near), true));
     const middle = make("div", { class: "strip-query" }, strip(row.clip, seconds, "query", false, wanted), make("span", { class: "head", "aria-hidden": "true" }));
     heads.push((at) => middle.lastChild.style.setProperty("left", `${Math.min(100, (100 * at) / seconds)}%`));
     strips.append(middle);

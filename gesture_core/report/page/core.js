@@ -8,7 +8,7 @@ window.gesture = (() => {
     const row = { index };
     for (const name of data.columns) row[name] = values[at[name]];
     row.best = row.label ?? (row.near === null ? null : examples[row.near].label);
-    row.right = row.truth === null ? null : row.label === row.truth;
+    row.right = row.truth === null ? null : (row.label ?? "_none") === row.truth;
     return row;
   });
   // Stands for "no label" among labels: no label can hold it.
@@ -94,11 +94,14 @@ window.gesture = (() => {
   };
   const listeners = new Set();
 
-  // Whether a row keeps its label where the threshold that is being tried is the only one of its kind.
+  // What the run itself refuses beyond, or below; null where it refuses nothing of the kind.
+  const limits = { distance: data.reject, sure: sureness === "score" ? null : data[sureness] };
+  // Whether a row keeps its label where the threshold that is being tried stands in the place of the run's.
   function keeps(row, threshold = state.threshold) {
     if (row.best === null) return false;
     if (threshold.value === null) return row.label !== null;
     if (threshold.by === "distance") return row.code !== "E_UNSURE" && row.distance !== null && row.distance <= threshold.value;
+    if (sureness === "confidence" && data.margin !== null && row.margin < data.margin) return false;
     return row.code !== "E_REJECTED" && (row[sureness] === null || row[sureness] >= threshold.value);
   }
 
@@ -145,7 +148,7 @@ window.gesture = (() => {
   }
 
   return {
-    data, rows, examples, state, orders, sureness, pictured, keeps, show, listeners, detail, details: loaded,
+    data, rows, examples, state, orders, sureness, limits, pictured, keeps, show, listeners, detail, details: loaded,
     make, draw, film, number, distance, percent, counted, wilson, base, NOTHING,
   };
 })();

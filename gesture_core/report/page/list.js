@@ -21,22 +21,37 @@ gesture.list = (() => {
     return gesture.film(row.clip, { loop: true, preload: "none", "data-src": `clips/${row.clip}` });
   }
 
-  function line(row, place, shown = clip) {
-    const label = row.label ?? "no label";
-    const second = [];
-    if (row.status !== "ok") second.push(make("span", { class: `status ${row.status}` }, make("span", { class: "mark", "aria-hidden": "true" }), row.code || row.status));
-    if (row.label === null && row.best !== null) second.push(make("span", { class: "dim" }, `nearest: ${row.best}`));
-    if (row.right === true) second.push(make("span", { class: "right" }, "✓ right"));
-    if (row.right === false) second.push(make("span", { class: "wrong" }, `✗ performed: ${row.truth}`));
+  // What is known of a row beside its label, each with its kind.
+  function remarks(row) {
+    const found = [];
+    if (row.status !== "ok") found.push([row.code || row.status, `status ${row.status}`]);
+    if (row.label === null && row.best !== null) found.push([`nearest: ${row.best}`, "dim"]);
+    if (row.right !== null) found.push(row.right ? ["✓ right", "right"] : [`✗ performed: ${row.truth}`, "wrong"]);
     const answer = gesture.review?.said(row);
-    if (answer) second.push(make("span", { class: "answer" }, answer));
-    const where = [row.person ? `person ${row.person}` : "", row.event ? `${number(row.start, 2)}–${number(row.end, 2)} s` : row.end === null ? "" : `${number(row.end - row.start, 1)} s`].filter(Boolean).join(", ");
+    if (answer) found.push([answer, "answer"]);
+    return found;
+  }
+
+  function where(row) {
+    const time = row.event ? `${number(row.start, 2)}–${number(row.end, 2)} s` : row.end === null ? "" : `${number(row.end - row.start, 1)} s`;
+    return [row.folder, row.person ? `person ${row.person}` : "", time].filter(Boolean).join(" · ");
+  }
+
+  function line(row, place) {
+    const second = remarks(row).map(([words, kind]) => make("span", { class: kind }, kind.startsWith("status") && make("span", { class: "mark", "aria-hidden": "true" }), words));
     return make("tr", { "aria-rowindex": place + 2, "aria-selected": state.chosen === row, tabindex: state.chosen === row ? "0" : "-1", "data-index": row.index, onclick: () => gesture.stage.choose(row, { open: true }) },
-      make("td", { class: "c-clip", role: "gridcell" }, shown(row)),
-      make("td", { class: "c-label", role: "gridcell" }, make("span", { class: row.label === null ? "label unlabelled" : "label" }, label), make("span", { class: "second" }, ...second), make("span", { class: "narrow dim" }, row.file)),
-      make("th", { class: "c-name", scope: "row" }, make("span", { class: "file", title: row.input }, row.file), make("span", { class: "second dim" }, [row.folder, where].filter(Boolean).join("  "))),
+      make("td", { class: "c-clip", role: "gridcell" }, clip(row)),
+      make("td", { class: "c-label", role: "gridcell" }, make("span", { class: row.label === null ? "label unlabelled" : "label", title: row.label }, row.label ?? "no label"), make("span", { class: "second" }, ...second), make("span", { class: "narrow dim" }, row.file)),
+      make("th", { class: "c-name", scope: "row" }, make("span", { class: "file", title: row.input }, row.file), make("span", { class: "second dim", title: row.input }, where(row))),
       make("td", { class: "c-sure", role: "gridcell" }, make("span", { class: "value" }, number(row[sureness])), bar(row[sureness], surest, "sure")),
       make("td", { class: "c-far", role: "gridcell" }, make("span", { class: "value" }, distance(row.distance)), bar(row.distance, longest, "far")));
+  }
+
+  // A row on paper: text alone, as ten thousand of them take a browser long enough.
+  function plain(row) {
+    const cell = (kind, words) => make("td", { class: kind }, words);
+    return make("tr", { "data-index": row.index }, cell("c-label", [row.label ?? "no label", ...remarks(row).map(([words]) => words)].join(" · ")),
+      make("th", { class: "c-name", scope: "row" }, [row.name, where({ ...row, folder: "" })].filter(Boolean).join(" · ")), cell("c-sure", number(row[sureness])), cell("c-far", distance(row.distance)));
   }
 
   // Draw what is in view, and a screen above and below.
@@ -116,12 +131,10 @@ gesture.list = (() => {
   function printed() {
     for (const element of drawn.values()) element.remove();
     drawn.clear();
-    above.firstChild.style.height = below.firstChild.style.height = "0";
-    state.shown.forEach((row, place) => {
-      const element = line(row, place, () => "");
-      drawn.set(place, element);
-      below.before(element);
-    });
+    above.remove();
+    below.remove();
+    state.shown.forEach((row, place) => drawn.set(place, plain(row)));
+    body.append(...drawn.values());
   }
 
   addEventListener("scroll", () => render(), { passive: true });

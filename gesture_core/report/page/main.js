@@ -52,10 +52,13 @@
   });
 
   const help = document.getElementById("help");
-  const open = () => help.showModal();
+  const keys = [["↓ j", "next row"], ["↑ k", "previous row"], ["Space", "play or pause"], ["a", "alignment"], ["/", "search"], ["Home End", "first, last row"], ["Esc", "close, show all"], ["?", "this list"]];
+  function open() {
+    const every = [...keys, ...(gesture.review?.keys() ?? [])];
+    document.getElementById("keys").replaceChildren(...every.map(([key, words]) => make("div", {}, make("dt", {}, make("kbd", {}, key)), make("dd", {}, words))));
+    help.showModal();
+  }
   document.getElementById("help-open").addEventListener("click", open);
-  const keys = [["↓ j", "next row"], ["↑ k", "previous row"], ["Space", "play or pause"], ["a", "alignment"], ["/", "search"], ["Home End", "first, last row"], ["Esc", "close, show all"], ["?", "this list"], ...(gesture.review?.keys ?? [])];
-  document.getElementById("keys").append(...keys.map(([key, words]) => make("div", {}, make("dt", {}, make("kbd", {}, key)), make("dd", {}, words))));
 
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || help.open) return;
@@ -81,4 +84,5 @@
   });
 
   show();
+  if (data.review && state.chosen) gesture.list.reveal(state.chosen); // where the last session ended
 })();

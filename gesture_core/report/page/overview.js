@@ -1,12 +1,13 @@
 // Counts of labels and statuses, how certain they are, what a threshold would cost, and what was taken for what.
 "use strict";
 gesture.overview = (() => {
-  const { data, rows, state, sureness, show, make, draw, number, percent, counted, wilson, NOTHING } = gesture;
+  const { data, rows, state, sureness, limits, show, make, draw, number, percent, counted, wilson, NOTHING } = gesture;
   const { scale, path, text } = gesture.plots;
   const known = rows.some((row) => row.truth !== null);
   const refresh = [];
 
-  const roomy = matchMedia("(min-width: 621px)").matches;
+  // Who answers row by row looks at rows: what is above them opens when it is wanted.
+  const roomy = !data.review && matchMedia("(min-width: 621px)").matches;
   function card(title, ...children) {
     return make("details", { class: "card", open: roomy }, make("summary", {}, make("h2", {}, title)), ...children);
   }
@@ -46,7 +47,7 @@ gesture.overview = (() => {
 
   // Accuracy and coverage over the threshold, a histogram on the same axis, and the slider below both.
   function certainty() {
-    const wide = 420, high = 176, left = 40, right = 10, foot = 142;
+    const wide = 420, high = 176, left = 40, right = 46, foot = 142;
     const picture = make("div", { class: "plot" }), said = make("p", { class: "said", role: "status" });
     const slider = make("input", { type: "range", min: 0, max: 1000, class: "slider", "aria-label": "Threshold" });
     const setting = make("code", { class: "setting" });
@@ -90,9 +91,12 @@ gesture.overview = (() => {
         svg.append(draw("line", { x1: left, x2: wide - right, y1: share(part), y2: share(part), class: "grid" }),
           text(left - 6, share(part) + 4, `${100 * part} %`, { class: "tick", "text-anchor": "end" }));
       }
+      // Bars have an axis of their own on the right: they are counted, lines are shares.
+      const size = (count) => (count / most) * (foot - 12) * 0.62;
+      for (const count of [0, most]) svg.append(text(wide - right + 6, foot - size(count) + 4, count.toLocaleString("en"), { class: "tick" }));
+      svg.append(text(wide - right + 6, foot - size(most) - 10, "rows", { class: "tick" }));
       counts.forEach(([good, bad], bin) => {
         const x = axis.place(low + (bin / bins) * (top - low)), width = (wide - right - left) / bins - 1;
-        const size = (count) => (count / most) * (foot - 12) * 0.62;
         svg.append(draw("rect", { x, width, y: foot - size(good), height: size(good), class: "histogram" }));
         if (bad) svg.append(draw("rect", { x, width, y: foot - size(good) - size(bad), height: size(bad), class: "histogram wrong" }));
       });
@@ -146,9 +150,12 @@ gesture.overview = (() => {
         words.push(`${percent(one.right / one.known)} of these are right (95 %: ${(100 * from).toFixed(1)} to ${percent(to)})`);
       }
       said.textContent = `${words.join("; ")}.`;
-      line.setAttribute("visibility", at === null ? "hidden" : "visible");
-      if (at !== null) for (const end of ["x1", "x2"]) line.setAttribute(end, axis.place(at));
-      slider.value = at === null ? (by === "distance" ? 1000 : 0) : ((at - low) / (top - low)) * 1000;
+      const own = limits[by] > low && limits[by] <= top ? limits[by] : null;
+      const here = at ?? own ?? (by === "distance" ? top : low);
+      line.setAttribute("visibility", at === null && own === null ? "hidden" : "visible");
+      line.setAttribute("class", at === null ? "threshold own" : "threshold");
+      for (const end of ["x1", "x2"]) line.setAttribute(end, axis.place(here));
+      slider.value = ((here - low) / (top - low)) * 1000;
       slider.setAttribute("aria-valuetext", at === null ? "as in the run" : `${names[by]} ${number(at)}`);
       setting.textContent = at === null ? "" : typed(by, at);
       setting.hidden = at === null;
@@ -175,7 +182,7 @@ gesture.overview = (() => {
       if (count === 0) return make("td", {}, make("span", { class: "zero", "aria-label": "0" }, "·"));
       const share = count / totals.get(truth);
       const button = make("button", {
-        type: "button", class: truth === label ? "cell right" : "cell wrong", style: { "--share": `${Math.round(12 + 88 * share)}%` }, "data-deep": share > 0.55,
+        type: "button", class: truth === (label === NOTHING ? "_none" : label) ? "cell right" : "cell wrong", style: { "--share": `${Math.round(12 + 88 * share)}%` }, "data-deep": share > 0.55,
         "aria-label": `${truth} recognised as ${label === NOTHING ? "nothing" : label}: ${count}`,
         onclick: () => (state.truth === truth && state.label === label ? show({ truth: null, label: "" }) : show({ truth, label })),
       }, String(count));

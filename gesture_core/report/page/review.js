@@ -90,5 +90,11 @@ gesture.review = (() => {
     return true;
   }
 
-  return { said, panel, key, keys: [["Enter", "the label is right"], ["0", "none of these"], ["+", "another label: type it, then Enter"], ["Backspace", "undo"], ...labels.map(({ label, key: one }) => [one, label])] };
+  // Of now: a label that a person typed has a key, too; the last ones of many have none.
+  function keys() {
+    const own = labels.filter((one) => one.key).map((one) => [one.key, one.label]);
+    return [["Enter", "the label is right"], ["0", "none of these"], ["+", "another label: type it, then Enter"], ["Backspace", "undo"], ...own];
+  }
+
+  return { said, panel, key, keys };
 })();

@@ -5,13 +5,11 @@ gesture.stage = (() => {
   const place = document.getElementById("stage");
   let turn = 0, opened = !pictured, shown = null;
 
-  function panel(kind, title, subtitle, screen, where) {
-    return make("figure", { class: `panel ${kind}` }, screen, make("figcaption", {}, make("b", {}, title), make("span", { class: "dim" }, subtitle), where && make("span", { class: "dim where" }, where)));
-  }
-
-  function fileOf(name) {
-    const parts = (name.includes("://") ? name.split("::")[0] : name).split("/");
-    return parts.slice(-2).join("/");
+  // The distance of an example comes with the alignment: its line is kept free for it.
+  function panel(kind, title, subtitle, screen, example = null) {
+    const name = example && (example.includes("://") ? example.split("::")[0] : example).split("/").pop();
+    return make("figure", { class: `panel ${kind}` }, screen, make("figcaption", {}, make("b", { title }, title), make("span", { class: "dim" }, subtitle),
+      example && make("span", { class: "dim where", title: example }, name), example && make("span", { class: "dim away" }, "\u00a0")));
   }
 
   function choose(row, { open = false, scroll = false } = {}) {
@@ -30,10 +28,10 @@ gesture.stage = (() => {
     if (!row) return place.replaceChildren();
     const near = row.near === null ? null : examples[row.near], far = row.far === null ? null : examples[row.far];
     const query = gesture.player.screen(row.clip, row.missing);
-    const sides = [["near", near, "nearest example"], ["far", far, "runner-up"]].filter(([, one]) => one);
+    const sides = [["near", near, "its nearest example"], ["far", far, "runner-up"]].filter(([, one]) => one);
     const screens = sides.map(([, one]) => gesture.player.screen(one.clip, "no preview"));
     const panels = make("div", { class: "panels" }, panel("query", row.label ?? "no label", "this input", query),
-      ...sides.map(([kind, one, what], index) => panel(kind, one.label, what, screens[index], fileOf(one.name))));
+      ...sides.map(([kind, one, what], index) => panel(kind, one.label, what, screens[index], one.name)));
     const slider = make("input", { type: "range", min: 0, max: 1000, value: 0, class: "seek", "aria-label": "Time in the clip", oninput: () => { gesture.player.seek((slider.value / 1000) * (row.seconds || 1)); label(); } });
     const clock = make("span", { class: "clock" });
     const button = make("button", { type: "button", class: "play", onclick: () => { gesture.player.pause(); label(); } });
@@ -46,7 +44,7 @@ gesture.stage = (() => {
       if (drawn) return;
       drawn = true;
       const record = await gesture.detail(row);
-      if (!wanted() || !record) return why.append(make("p", { class: "dim" }, "Nothing was aligned for this row."));
+      if (!wanted() || !record) return why.append(make("p", { class: "dim" }, data.unaligned || "Nothing was aligned for this row."));
       const picture = gesture.alignment.show(row, record, wanted);
       why.append(picture.element);
       move = picture.move;
@@ -86,8 +84,7 @@ gesture.stage = (() => {
         const side = record[kind];
         if (!side) return;
         screens[index].classList.toggle("mirrored", side.mirrored);
-        const caption = screens[index].parentElement.querySelector("figcaption");
-        caption.append(make("span", { class: "dim" }, `distance ${distance(side.distance)}${side.mirrored ? ", mirrored" : ""}`));
+        screens[index].parentElement.querySelector(".away").textContent = `distance ${distance(side.distance)}${side.mirrored ? ", mirrored" : ""}`;
         const one = players.find(({ video }) => video === screens[index]);
         if (one) one.time = (at) => gesture.player.warp(record.time, side.time, 1000 * at) / 1000;
       });

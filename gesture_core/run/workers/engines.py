@@ -29,6 +29,9 @@ _START_SECONDS = 120.0
 _ENDINGS = frozenset({"E_WORKER_CRASH", "E_WORKER_HANG", "E_WORKER_MEMORY"})
 """Codes of what another process may not meet: memory can also end without ending the process."""
 
+KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(256 << 20)}
+"""Has glibc keep what a batch of large pictures took: given back and taken anew, each page costs a fault."""
+
 OnFrames = Callable[[Task, int], None]
 Message = dict[str, Any]
 Inbox = queue.Queue[tuple["WorkerProcess", Message | None]]
@@ -158,7 +161,8 @@ class WorkerProcess:
         self._ready = self._slow = False
         self._plugin = ""
         self._error_lines: deque[str] = deque(maxlen=3)
-        environment = os.environ | {"OMP_NUM_THREADS": str(threads), "OPENBLAS_NUM_THREADS": str(threads)}
+        environment = KEPT_MEMORY | os.environ
+        environment |= {"OMP_NUM_THREADS": str(threads), "OPENBLAS_NUM_THREADS": str(threads)}
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "gesture_core.run.workers.worker"],
             stdin=subprocess.PIPE,
@@ -296,6 +300,8 @@ class InlineEngine:
 
     workers: int
     limits: LimitSettings
+    first: list[Task] = field(default_factory=list, init=False)
+    """What is performed before anything else, as in `ProcessEngine`."""
     _worker: Worker | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -307,6 +313,8 @@ class InlineEngine:
         """Yield one outcome for every task, in order."""
         if self._worker is None or self._worker.job != job:
             self._worker = Worker(job, lambda message: None)
+            for task in self.first:
+                self._worker.perform(task)
         for task in tasks:
 
             def report(message: dict[str, Any], task: Task = task) -> None:
@@ -380,7 +388,7 @@ class Assistant:
         (outcome,) = self._engine.run(self._job, [task], lambda task, frames: None, retry=retry)
         if outcome.error:
             raise outcome.error
-        if keep and not isinstance(self._engine, InlineEngine):
+        if keep:
             self._engine.first.append(task)
         return outcome.value
 

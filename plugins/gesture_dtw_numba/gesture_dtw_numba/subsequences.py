@@ -242,8 +242,9 @@ def _spreads(sums: Any, squares: Any, before: Any, lengths: Any, out: Any) -> No
                 out[b, n] = max(whole - total / (float(length) * length), 0.0)
 
 
-add_costs = compiled(_add_costs)
-add_costs_of_four = compiled(_add_costs_of_four)
+# A product and the sum that takes it may be one instruction, in both alike: no bit depends on the block.
+add_costs = compiled(_add_costs, fastmath={"contract"})
+add_costs_of_four = compiled(_add_costs_of_four, fastmath={"contract"})
 choose = compiled(_choose)
 pay = compiled(_pay)
 lengthen = compiled(_lengthen)

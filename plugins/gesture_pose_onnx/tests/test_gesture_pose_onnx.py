@@ -32,3 +32,17 @@ def test_another_format_is_refused_with_a_remedy(tmp_path_factory: pytest.TempPa
         OnnxBackend(ModelFile(path, "0" * 64, "graph"))
     with pytest.raises(ModelError, match=r"E_MODEL_FORMAT.*opencv-dnn"):
         OnnxBackend(find_model(path))
+
+
+def test_openvino_keeps_to_the_threads_and_to_the_sums_that_are_asked_for() -> None:
+    if "openvino" not in OnnxBackend.devices()["provider"]:
+        pytest.skip("this onnxruntime has no OpenVINO: pip install onnxruntime-openvino instead")
+    picture = np.random.default_rng(0).integers(0, 256, (1, 3, 192, 192)).astype(np.float32) / 255
+    model, answers = find_model("compact"), {}
+    for device in ("cpu", "openvino", "openvino-bf16"):
+        backend = OnnxBackend(model, threads=1, device=device)
+        answers[device] = backend.run(picture)[0]
+        assert device == "cpu" or '"INFERENCE_NUM_THREADS": "1"' in backend._told()["load_config"]
+    np.testing.assert_allclose(answers["openvino"], answers["cpu"], atol=1e-4)
+    np.testing.assert_allclose(answers["openvino-bf16"], answers["cpu"], atol=0.1)
+    assert OnnxBackend(model).device != "openvino-bf16", "auto never takes other sums"
