@@ -250,6 +250,10 @@ def _warnings(summary: RunSummary) -> list[str]:
     elif summary.inputs_among_examples:
         number = summary.inputs_among_examples
         found.append(f"{number} inputs are among the examples themselves: their labels are no result")
+    if summary.refused > summary.counts.get("ok", 0):
+        from gesture_core.run.rows import NEARER
+
+        found.append(f"{counted(summary.refused, 'candidate')} farther than the thresholds; try: {NEARER}")
     if summary.lost_classes:
         lost = ", ".join(summary.lost_classes)
         found.append(f"no example of {lost} can be used: no input gets such a label")

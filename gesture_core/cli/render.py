@@ -42,7 +42,8 @@ def render(
         The input of the run as its result names it, or a part of its name that no other one has. The run's
         settings count unless there are flags.
     out
-        A name.mp4 for a video (needs PyAV), a name.png for a strip of pictures, cropped to the people;
+        A name.mp4 for a video (needs PyAV), a name.png for a strip of pictures, cropped to the people: of the
+        events of gesture spot, where there are some;
         <video>-pose.mp4 by default.
     people
         single, or multi: who is lost for a while comes back as another person. As pose.people by default.
@@ -87,7 +88,9 @@ def render(
         if target.suffix.lower() == ".mp4":
             count = write_video(overlay(frames, found, tags), target)
         else:  # cropped first, so that what is written above a person is inside
-            count = write_strip(overlay(*cropped(frames, found, height=STRIP), tags), target)
+            middles = [((row.start or 0) + (row.end or 0)) / 2 for row in rows if row.event]
+            strip = overlay(*cropped(frames, found, height=STRIP), tags)
+            count = write_strip(strip, target, moments=middles)
     longest = max(sequence.frames_with_pose for sequence in found)
     who = "1 person" if len(found) == 1 else f"{len(found)} tracks of people, the longest"
     rate = settings.pose.rate

@@ -170,7 +170,12 @@ def cropped(
 
 
 def write_strip(
-    frames: Iterable[tuple[float, np.ndarray]], path: Path, *, pictures: int = 8, height: int = STRIP
+    frames: Iterable[tuple[float, np.ndarray]],
+    path: Path,
+    *,
+    pictures: int = 8,
+    height: int = STRIP,
+    moments: Sequence[float] = (),
 ) -> int:
     """Write about evenly spaced frames side by side as a PNG; the number of frames seen.
 
@@ -187,6 +192,8 @@ def write_strip(
         How many at most.
     height : int
         Of each, in pixels.
+    moments : sequence of float
+        Seconds of which there is to be a picture, instead of even times.
 
     Raises
     ------
@@ -197,8 +204,10 @@ def write_strip(
 
     kept: list[np.ndarray] = []
     step, count = 1, 0
-    for _, frame in frames:
-        if count % step == 0:
+    wanted = [*(sorted(moments)[place] for place in _evenly(len(moments), pictures)), np.inf]
+    for time, frame in frames:
+        if time >= wanted[0] if moments else count % step == 0:
+            wanted = [moment for moment in wanted if moment > time]
             width = max(1, round(frame.shape[1] * height / frame.shape[0]))
             kept.append(cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA))
             if len(kept) == 2 * pictures:
@@ -206,10 +215,14 @@ def write_strip(
         count += 1
     if not kept:
         raise MediaError("no frame to draw", subject=str(path), code="E_MEDIA_WRITE")
-    chosen = [kept[i] for i in np.unique(np.linspace(0, len(kept) - 1, pictures).round().astype(int))]
-    done, data = cv2.imencode(".png", np.hstack(chosen))
+    done, data = cv2.imencode(".png", np.hstack([kept[place] for place in _evenly(len(kept), pictures)]))
     if not done:
         raise MediaError("cannot be written as PNG", subject=str(path), code="E_MEDIA_WRITE")
     with replacing(path) as temporary:
         temporary.write_bytes(data.tobytes())
     return count
+
+
+def _evenly(count: int, most: int) -> list[int]:
+    """At most so many evenly spaced ones of ``count`` places."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int)).tolist() if count else []

@@ -74,6 +74,8 @@ class RunSummary:
         Inputs whose content or movement is that of an example: they find themselves.
     gone : int
         Inputs of earlier runs that are not there any more; their rows were removed.
+    refused : int
+        Of what this run spotted: gestures that were farther than their threshold, and so no events.
     """
 
     out: Path
@@ -91,6 +93,7 @@ class RunSummary:
     sided: tuple[str, ...] = ()
     inputs_among_examples: int = 0
     gone: int = 0
+    refused: int = 0
 
     @property
     def exit_code(self) -> int:
@@ -168,6 +171,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             sided=tuple(sided_labels(classes)) if plan.settings.classify.mirror is not None else (),
             inputs_among_examples=results.copies({item.sha256 for item in plan.examples} - {""}),
             gone=plan.gone,
+            refused=run.refused,
         )
 
 
@@ -181,6 +185,7 @@ class _Run:
     frames: int = 0
     assumed: Counter[str] = field(default_factory=Counter)
     notes: Counter[str] = field(default_factory=Counter)
+    refused: int = 0
     _longest: float = 0.0
     _warned: bool = False
 
@@ -351,6 +356,7 @@ class _Run:
                 decided |= self._decided(met[start : start + together])
         for item, found in batch:
             predictions, attempts = decided.get(item.key, (None, 1))
+            self.refused += sum(one.get("refused", 0) for one in predictions or ())
             found = replace(found, attempts=max(found.attempts, attempts))
             if found.people and not found.code and self.plan.files:
                 try:

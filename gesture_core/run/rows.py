@@ -20,6 +20,8 @@ _NOBODY = (
 _NOBODY_IN_FILE = (
     "--set pose.score=none, or keypoints from another network: the file has no joint that counts"
 )
+NEARER = "a larger --set spot.tolerance=… (or spot.threshold), --calibrate with marked recordings"
+"""What lets more events in."""
 _FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"
 
 
@@ -133,9 +135,11 @@ def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:
     """A row for each event of one person, or the one that says that there is none."""
     base = replace(base, note="; ".join(filter(None, [base.note, tree["note"]])))
     if not tree["events"]:
+        refused = tree["refused"]
+        near = f"{refused} farther than the thresholds; " if refused else ""
         message = (
-            f"{item.name}: none of the examples was recognised in {base.seconds:.1f} s; "
-            "try: more examples, a larger --set spot.threshold=…, or gesture render"
+            f"{item.name}: none of the examples was recognised in {base.seconds:.1f} s; {near}"
+            f"try: {f'{NEARER}, ' if refused else ''}more examples, or gesture render"
             " to see what the network sees"
         )
         return [replace(base, status=Code.NO_EVENT.status, code=str(Code.NO_EVENT), message=message)]

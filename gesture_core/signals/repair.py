@@ -48,6 +48,8 @@ SWAPPED = 1.0
 _RUN = 8
 """Wide steps after the way out of which one may be the way back."""
 _ROUNDING = 1e-3
+_CELLS = 1 << 16
+"""Frames times joints that are looked at together, so that hours need no more memory than minutes."""
 
 
 _APART = 20.0
@@ -120,27 +122,36 @@ def repaired(pose: PoseSequence) -> Repair:
     length = float(np.median(known)) if len(known) else 0.0
     if len(pose) < 3 or not length > 0:
         return Repair(pose, 0)
-    # Places as complex numbers: their differences have a length and no second axis.
-    points = (pose.keypoints / np.float64(length)).view(np.complex128)[..., 0]
     zero = placeholders(pose)
-    points[zero] = np.nan
-    last = _last_seen(points)
+    keypoints, scores = np.where(zero[..., None], np.float32(np.nan), pose.keypoints), pose.scores
     others = np.array(skeleton(pose.skeleton).mirror)
-    turned = _exchanged(np.take_along_axis(points, last, axis=0), last, pose.times, others)
-    keypoints, scores = pose.keypoints, pose.scores
+    turned = _exchanged(keypoints, length, pose.times, others)
     if turned.any():
-        points = np.where(turned, points[:, others], points)
-        keypoints = np.where(turned[..., None], keypoints[:, others], keypoints)
-        scores = np.where(turned, scores[:, others], scores)
-        last = _last_seen(points)
-    trembling = np.nan_to_num(np.abs(points - neck[:, None] / length)) * _trembling(known / length)
-    wrong = _jumps(points, last, scores, pose.times, trembling)
+        rows, joints = np.nonzero(turned)
+        keypoints[rows, joints] = keypoints[rows, others[joints]]
+        scores = scores.copy()
+        scores[rows, joints] = pose.scores[rows, others[joints]]
+    trembling, wrong = _trembling(known / length), np.zeros(zero.shape, bool)
+    for some in _together(*zero.shape):
+        points = _places(keypoints, some, length)
+        away = np.nan_to_num(np.abs(points - neck[:, None] / length)) * trembling
+        wrong[:, some] = _jumps(points, scores[:, some], pose.times, away)
     frames = int((turned | wrong).any(axis=1).sum())
     if not (frames or zero.any()):
         return Repair(pose, 0)
-    keypoints = np.where((wrong | zero)[..., None], np.float32(np.nan), keypoints)
+    keypoints[wrong] = np.nan
     # No step uses depth, and joints that changed sides would keep that of the other side.
     return Repair(replace(pose, keypoints=keypoints, scores=scores, depth=None), frames)
+
+
+def _together(frames: int, joints: int) -> list[np.ndarray]:
+    """Which of so many joints, or pairs, are looked at together: of a recording of hours one by one."""
+    return np.array_split(np.arange(joints), min(joints, frames * joints // _CELLS + 1))
+
+
+def _places(keypoints: np.ndarray, joints: np.ndarray, length: float) -> np.ndarray:
+    """Places in torso lengths as complex numbers: their differences have a length and no second axis."""
+    return (np.take(keypoints, joints, axis=1) / np.float64(length)).view(np.complex128)[..., 0]
 
 
 def _torso(pose: PoseSequence) -> tuple[np.ndarray, np.ndarray]:
@@ -168,29 +179,35 @@ def placeholders(pose: PoseSequence) -> np.ndarray:
 
 
 def _last_seen(points: np.ndarray) -> np.ndarray:
-    """(T, J) the frame in which each joint was last seen; the first frame where it was not yet."""
-    frames = np.where(np.isnan(points), 0, np.arange(len(points))[:, None])
-    last: np.ndarray = np.maximum.accumulate(frames, axis=0)
+    """For each frame the one in which each joint was last seen; the first frame where it was not yet."""
+    frames = np.arange(len(points)).reshape(-1, *[1] * (points.ndim - 1))
+    last: np.ndarray = np.maximum.accumulate(np.where(np.isnan(points), 0, frames), axis=0)
     return last
 
 
-def _exchanged(points: np.ndarray, last: np.ndarray, times: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(T, J) bool: joints that belong to the other side. All pairs together first, then each by itself.
-
-    ``points`` are the (T, J) places where each joint was last seen, in the frames ``last``.
-    """
-    out = np.zeros(points.shape, bool)
+def _exchanged(keypoints: np.ndarray, length: float, times: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(T, J) bool: joints that belong to the other side. All pairs together first, then each by itself."""
+    out = np.zeros(keypoints.shape[:2], bool)
     own = np.flatnonzero(np.arange(len(others)) < others)
     pairs = np.stack([own, others[own]])
-    saved = _saved(points[:, pairs])
+    saved, fading = np.empty((2, len(times) - 1, len(own)))
+
+    def compare(whole: np.ndarray) -> None:
+        for some in _together(len(times), len(own)):
+            sides = _places(keypoints, pairs[:, some], length)
+            last = _last_seen(sides)
+            sides = np.take_along_axis(sides, last, axis=0)
+            saved[:, some] = _saved(np.where(whole[:, None, None], sides[:, ::-1], sides))
+            ago = (times[1:, None, None] - times[last[:-1]]).max(axis=1)
+            fading[:, some] = np.maximum(ago / TENTH, 1)
+
+    compare(np.zeros(len(times), bool))
     if not (saved > SWAP).any():
         return out
-    fading = np.maximum((times[1:, None, None] - times[last[:-1, pairs]]).max(axis=1) / TENTH, 1)
     held = SWAPPED * np.diff(times, append=times[-1:])
     whole = _cheapest((saved / fading).sum(axis=1) - SWAP * len(own) ** 0.5, held)
     if whole.any():
-        points = np.where(whole[:, None], points[:, others], points)
-        saved = _saved(points[:, pairs])
+        compare(whole)
     out[:, pairs] = whole[:, None, None]
     # A pair that has nothing from the exchange of all is left out of it at no cost.
     gains = saved / fading - np.where(np.diff(whole), 0, SWAP)[:, None]
@@ -235,14 +252,9 @@ def _cheapest(gains: np.ndarray, held: np.ndarray) -> np.ndarray:
     return out
 
 
-def _jumps(
-    points: np.ndarray, last: np.ndarray, scores: np.ndarray, times: np.ndarray, trembling: np.ndarray
-) -> np.ndarray:
-    """(T, J) bool: joints that are off their way for a few frames.
-
-    ``last`` is from `_last_seen`; the (T, J) ``trembling`` of a place is no jump.
-    """
-    out = np.zeros(points.shape, bool)
+def _jumps(points: np.ndarray, scores: np.ndarray, times: np.ndarray, trembling: np.ndarray) -> np.ndarray:
+    """(T, J) bool: joints that are off their way for a few frames; the (T, J) ``trembling`` is no jump."""
+    out, last = np.zeros(points.shape, bool), _last_seen(points)
     steps = np.abs(np.diff(np.take_along_axis(points, last, axis=0), axis=0))
     if not (steps > LEAST_SURE * JUMP).any():
         return out

@@ -52,6 +52,11 @@ class Search:
         Channels that the stream has.
     worst : float or (C,) float array
         Distance to each class above which no subsequence is a candidate.
+
+    Attributes
+    ----------
+    earliest : (B,) float64
+        After each of the frames last taken, when candidates that are still to come can begin at the earliest.
     """
 
     def __init__(self, examples: SpottingExamples, present: np.ndarray, worst: np.ndarray | float) -> None:
@@ -67,7 +72,7 @@ class Search:
         self._series: np.ndarray = np.zeros((2 * _AROUND, classes), np.int64)
         self._begin: np.ndarray = np.zeros((2 * _AROUND, classes))
         self._keep = 2 * max(map(len, examples.series)) + 2 * _AROUND
-        self._times: np.ndarray = np.zeros(self._keep)
+        self._times: np.ndarray = np.full(self._keep, -np.inf)
 
     def push(self, values: np.ndarray, times: np.ndarray) -> list[list[Candidate]]:
         """Candidates that are known at each of the new frames, one list for each."""
@@ -88,6 +93,7 @@ class Search:
                 series[better, code] = members[nearest[better]]
                 length[better, code] = lengths[rows, nearest][better]
         self._times = np.concatenate([self._times[-self._keep :], times])
+        self.earliest = self._times[:count]  # a subsequence has at most twice the frames of its example
         last = len(self._times) - count + rows
         begin = self._times[last[:, None] - length + 1]
         return self._minima(best, series, begin)

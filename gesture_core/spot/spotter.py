@@ -48,6 +48,11 @@ class EventSearch:
         gesture; None for as long as there can be one.
     judge : callable, optional
         The second stage: takes candidates, and gives back those that it agrees with, ranked.
+
+    Attributes
+    ----------
+    refused : int
+        Gestures over which nothing was better, and that were farther than their threshold.
     """
 
     def __init__(
@@ -57,21 +62,17 @@ class EventSearch:
         patience: float | None = None,
         judge: Judge | None = None,
     ) -> None:
-        self._examples, self._judge = examples, judge
-        thresholds = examples.thresholds
-        worst = thresholds * (_SUREST if judge and examples.recognizer else 1.0)
+        self._examples, self._judge, self.refused = examples, judge, 0
+        worst = examples.thresholds * (_SUREST if judge and examples.recognizer else 1.0)
         self._search = Search(examples, present, worst)
-        self._longest = 2 * max(float(one.times[-1] - one.times[0]) for one in examples.series) + 1.0
-        usual = examples.usual_seconds()
-        self._suppression = Suppression(
-            lambda one: one.rank <= thresholds[one.code],
-            examples.settings.spot.overlap,
-            lambda one: (
-                self._longest
-                if patience is None
-                else patience + max(0.0, float(usual[one.code]) - (one.end - one.start))
-            ),
-        )
+        self._live, usual = patience is not None, examples.usual_seconds()
+
+        def waits(one: Candidate) -> float:
+            if patience is None:
+                return 0.0
+            return patience + max(0.0, float(usual[one.code]) - (one.end - one.start))
+
+        self._suppression = Suppression(self._near, examples.settings.spot.overlap, waits)
 
     def push(self, values: np.ndarray, times: np.ndarray) -> list[Candidate]:
         """Events that are certain after the next (B, D) ``values`` at (B,) ``times``."""
@@ -79,14 +80,16 @@ class EventSearch:
         known = iter(self._judged([one for some in found for one in some]))
         following = next(known, None)
         events: list[Candidate] = []
-        for now, some in zip(times.tolist(), found, strict=True):
+        # What begins before this moment, and so could be better, has come.
+        settled = times if self._live else self._search.earliest
+        for now, some in zip(settled.tolist(), found, strict=True):
             for one in some:
                 if following is not None and (one.end, one.code) == (following.end, following.code):
                     self._suppression.add(following)
                     following = next(known, None)
             events += self._suppression.settle(now)
         if len(times):
-            self._suppression.forget(float(times[-1]) - self._longest)
+            self._suppression.forget(float(self._search.earliest[-1]))
         return self._gestures(events)
 
     def finish(self) -> list[Candidate]:
@@ -94,6 +97,11 @@ class EventSearch:
         for one in self._judged(self._search.finish()):
             self._suppression.add(one)
         return self._gestures(self._suppression.settle(np.inf))
+
+    def _near(self, one: Candidate) -> bool:
+        near = bool(one.rank <= self._examples.thresholds[one.code])
+        self.refused += not near and self._examples.classes[one.code] != NONE
+        return near
 
     def _judged(self, candidates: list[Candidate]) -> list[Candidate]:
         return self._judge(candidates) if self._judge and candidates else candidates
@@ -117,6 +125,11 @@ class Spotter:
         What to call each example.
     live : bool
         For `push`: signals are those that a stream can have while it goes on. ``spot.live`` says the same.
+
+    Attributes
+    ----------
+    refused : int
+        Gestures in the last recording that were farther than their threshold, with nothing better over them.
 
     Examples
     --------
@@ -147,7 +160,7 @@ class Spotter:
             refuse_channels(ready)
             self._live = LiveSignals(stream_chain(ready), ready.spot.gap)
         self._going: EventSearch | None = None
-        self._source = ("", 0)
+        self._source, self.refused = ("", 0), 0
 
     def spot(self, pose: PoseSequence | Recording) -> list[Event]:
         """The events of a whole recording of one person, by their starts.
@@ -171,6 +184,7 @@ class Spotter:
         self, pose: PoseSequence | Recording, alive: Callable[[], None] = lambda: None
     ) -> tuple[list[Event], str]:
         """As `spot`, with what could not be searched as a text; ``alive`` is called now and then."""
+        self.refused = 0
         if self._live is not None and isinstance(pose, PoseSequence):
             return self._as_live(pose, alive), ""
         chain, chosen = self.examples.chain, self._settings.spot
@@ -220,7 +234,9 @@ class Spotter:
             part = slice(start, start + block)
             found += search.push(signals.values[part], signals.times[part])
             alive()
-        return found + search.finish()
+        found += search.finish()
+        self.refused += search.refused
+        return found
 
     def push(self, pose: PoseSequence) -> list[Event]:
         """Take the next frames of a stream; the events that have become certain.
@@ -241,8 +257,7 @@ class Spotter:
         recent = self._live
         for part in self._live.push(pose.solid if self._settings.keypoints.depth else pose):
             if part is None:  # the person was lost
-                found += self._going.finish() if self._going else []
-                self._going = None
+                found += self._ended()
                 continue
             if self._going is None:
                 assert part.present is not None
@@ -254,11 +269,19 @@ class Spotter:
 
     def finish(self) -> list[Event]:
         """The events that were still waiting when the stream ended; the next `push` begins another one."""
-        found = self._going.finish() if self._going else []
-        self._going = None
+        found = self._ended()
         if self._live is not None:
             self._live.clear()
         return [self._event(one, *self._source) for one in found]
+
+    def _ended(self) -> list[Candidate]:
+        """The last events of the stream that goes on, if there is one."""
+        going, self._going = self._going, None
+        if going is None:
+            return []
+        found = going.finish()
+        self.refused += going.refused
+        return found
 
     def _judged(self, candidates: Sequence[Candidate], pose: PoseSequence | Recording) -> list[Candidate]:
         """The candidates whose cut the classifier gives the same label, the surer it is the better ranked.

@@ -127,6 +127,18 @@ def test_a_strip_shows_the_beginning_and_the_end(count: int, tmp_path: Path) -> 
     assert (np.diff(shown) > 0).all() and shown[0] == 0 and shown[-1] >= 2 * 0.8 * (count - 1)
 
 
+def test_a_strip_shows_the_moments_that_are_wanted(tmp_path: Path) -> None:
+    import cv2
+
+    for wanted, shown in (([80.0, 3.5, 40.0, 40.2], [4, 40, 41, 80]), (list(range(50)), 8)):
+        pictures = ((float(i), np.full((60, 80, 3), 2 * i, np.uint8)) for i in range(100))
+        assert write_strip(pictures, tmp_path / "out.png", pictures=8, height=30, moments=wanted) == 100
+        strip = cv2.imread(str(tmp_path / "out.png"))
+        assert strip is not None
+        seen = (strip[0, ::40, 0] // 2).tolist()
+        assert seen == shown if isinstance(shown, list) else len(seen) == shown and seen[-1] == 49
+
+
 def test_the_command_renders_a_video(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -75,6 +75,8 @@ def test_resample_of_a_single_frame_and_of_an_absurd_clock() -> None:
     assert make("resample").apply(one) is one
     absurd = Signals(np.ones((2, 1)), np.array([0.0, 1e12]), ("x",))
     assert make("resample").apply(absurd) is absurd
+    hours = Signals(np.zeros((150, 2)), np.arange(150.0), ("x", "y"))
+    assert len(make("resample", max_frames=200, rate=5.0).apply(hours)) == 149 * 5 + 1
 
 
 def test_parts_are_vectors_scaled_by_the_root_of_their_weight() -> None:

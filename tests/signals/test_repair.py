@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from gesture_core.classify.estimator import GestureClassifier
 from gesture_core.settings import load_settings
+from gesture_core.signals import repair
 from gesture_core.signals.chain import Chain
 from gesture_core.signals.repair import readings_apart, repaired
 from gesture_core.skeletons import COCO18
@@ -215,6 +216,29 @@ def test_zeros_are_missing_unless_the_body_is_centred_on_a_joint() -> None:
     centred = standing() - 300
     source = pose(centred)
     assert (centred[:, J["neck"]] == 0).all() and repaired(source).pose is source
+
+
+def test_a_zero_that_changes_sides_with_its_hand_is_missing_there() -> None:
+    points = moving()
+    swap("wrist")(points, list(range(12, 20)))
+    points[15, J["left_wrist"]] = 0  # which is the right one by then
+    found = repaired(pose(points)).pose
+    assert not found.seen[15, J["right_wrist"]] and found.seen[15, J["left_wrist"]]
+    np.testing.assert_allclose(found.keypoints[15, J["left_wrist"]], moving()[15, J["left_wrist"]], rtol=1e-6)
+
+
+def test_joint_by_joint_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As recordings of hours are repaired, so that memory does not grow with the joints."""
+    points = np.concatenate([moving(), moving()[::-1], moving()])
+    for number, damage in enumerate(KINDS):
+        damage(points, [12 * number + 7, 12 * number + 8])
+    source = pose(points)
+    at_once = repaired(source)
+    monkeypatch.setattr(repair, "_CELLS", 1)
+    found = repaired(source)
+    assert found.frames == at_once.frames > len(KINDS)
+    np.testing.assert_array_equal(found.pose.keypoints, at_once.pose.keypoints)
+    np.testing.assert_array_equal(found.pose.scores, at_once.pose.scores)
 
 
 def test_frozen_and_doubled_frames_and_a_clock_that_stands_still_change_little() -> None:

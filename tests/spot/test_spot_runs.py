@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,17 @@ import pytest
 from streams import strung
 
 from gesture_core import classify_archive, evaluate_events, explain, load_poses, spot_archive
+from gesture_core.cli.classify import say_summary
 from gesture_core.cli.main import run as gesture
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.dtw.subsequence import reference_subsequences
 from gesture_core.errors import PluginError
 from gesture_core.report.run_page import write_report
-from gesture_core.spot.explanation import subsequence_path
-from gesture_core.types import PoseSequence
+from gesture_core.run.pipeline import RunSummary
+from gesture_core.settings import load_settings
+from gesture_core.spot import spotter
+from gesture_core.spot.explanation import EventExplainer, subsequence_path
+from gesture_core.types import Event, PoseSequence
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -43,6 +48,28 @@ def recordings(drawn: DemoArchive, tmp_path_factory: pytest.TempPathFactory) -> 
     return folder
 
 
+def test_what_was_too_far_is_counted_and_the_remedy_named(
+    drawn: DemoArchive,
+    recordings: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(spotter, "_SUREST", 10.0)  # drawn gestures are too alike to be refused narrowly
+    changes = CHANGES | {"spot__threshold": 0.01}
+    run = spot_archive(
+        recordings / "six.npz", drawn.example_keypoints, tmp_path / "run", engine="inline", **changes
+    )
+    (row,) = run.rows()
+    assert row.code == "E_NO_EVENT"
+    number = int(row.message.partition(" farther than")[0].rpartition(" ")[2])
+    assert number > 3 and "--calibrate" in row.message
+    for refused, found in ((number, 0), (number, number)):
+        say_summary(RunSummary(tmp_path, {"ok": found}, refused=refused))
+        said = capsys.readouterr().err
+        assert (f"{number} candidates farther than the thresholds; try: a larger" in said) == (not found)
+
+
 def test_a_row_for_every_event_and_one_for_none(drawn: DemoArchive, recordings: Path, tmp_path: Path) -> None:
     sources = [recordings / "six.npz", recordings / "still.npz"]
     out = tmp_path / "run"
@@ -55,7 +82,7 @@ def test_a_row_for_every_event_and_one_for_none(drawn: DemoArchive, recordings: 
     (quiet,) = [row for row in rows if not row.event]
     assert quiet.input.endswith("still.npz")
     assert (quiet.status, quiet.code, quiet.label) == ("rejected", "E_NO_EVENT", None)
-    assert first.exit_code == 0
+    assert first.exit_code == 0 and "spot.tolerance" not in quiet.message
     again = spot_archive(sources, drawn.example_keypoints, out, engine="inline", **CHANGES)
     assert again.done_now == 0 and again.rows() == rows
     table = tmp_path / "marks.csv"
@@ -156,3 +183,15 @@ def test_channels_are_refused_live_before_anything_is_looked_at(
     assert gesture([*words, "--set", "spot.live=true"]) == 2
     assert "in the movements of people alone" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())
+
+
+def test_an_example_is_shown_at_its_own_time_whatever_the_tempo_at_which_it_fits(drawn: DemoArchive) -> None:
+    """The recording is an example at 1.6 times its length."""
+    clips = [load_poses(drawn.example_keypoints / name / "1")[0] for name in ("wave", "clap")]
+    slow = replace(clips[0], times=clips[0].times * 1.6)
+    event = Event("slow", 0, 0.0, float(slow.times[-1]), "wave", 1.0, 0.0, "wave/1")
+    found = EventExplainer(clips, ["wave", "clap"], ["wave/1", "clap/1"], load_settings(environment={}))
+    near = found(event, slow).nearest
+    assert near.distance < 0.05
+    assert near.query.times[-1] - near.query.times[0] == pytest.approx(slow.times[-1], abs=0.2)
+    assert near.signals.times[-1] == pytest.approx(clips[0].times[-1], abs=0.1)

@@ -18,6 +18,7 @@ from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
 from gesture_core.spot.candidates import Candidate
 from gesture_core.spot.signals import spans, stream_chain
 from gesture_core.spot.spotter import EventSearch
+from gesture_core.spot.suppression import Suppression
 from gesture_core.types import PoseSequence
 
 SETTINGS = load_settings(None, ["spot.tempos="], environment={})
@@ -86,6 +87,31 @@ def test_any_blocks_give_the_same_candidates(spotter: Spotter, data: st.DataObje
     whole = found([])
     assert whole
     assert found(cuts) == whole
+
+
+@pytest.mark.parametrize(("patience", "step"), [(None, 0.05), (None, 0.4), (1.5, 0.05), (1.5, 0.4)])
+def test_nothing_is_forgotten_that_could_keep_another_away(
+    spotter: Spotter, monkeypatch: pytest.MonkeyPatch, patience: float | None, step: float
+) -> None:
+    """However slow the frames come: a subsequence is long by its frames, not by its seconds."""
+    examples, rng = spotter.examples, np.random.default_rng(0)
+    known = [examples.series[place].values for place in rng.integers(0, len(examples.series), 12)]
+    values = np.concatenate([one + rng.normal(0, 0.1, one.shape) for one in known]).astype(np.float32)
+    times = step * np.arange(len(values))
+
+    def found() -> tuple[list[Candidate], int]:
+        search = EventSearch(examples, np.ones(values.shape[1], bool), patience)
+        events, most = [], 0
+        for frame in range(len(values)):
+            events += search.push(values[frame : frame + 1], times[frame : frame + 1])
+            most = max(most, len(search._suppression._decided))
+        return events + search.finish(), most
+
+    events, most = found()
+    monkeypatch.setattr(Suppression, "forget", lambda self, before: None)
+    everything, all_of_them = found()
+    assert events and everything == events
+    assert most < all_of_them
 
 
 def test_a_live_event_waits_for_what_it_lacks_of_its_gesture(spotter: Spotter) -> None:

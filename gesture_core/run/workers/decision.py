@@ -151,7 +151,10 @@ class Decider:
         ]
 
     def spot(self, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[str, Any]]]:
-        """The ``events`` of everybody in each of some stored inputs, or the fields of a `Prediction`."""
+        """The ``events`` of everybody in each of some stored inputs, or the fields of a `Prediction`.
+
+        Besides a ``note``, and how many were ``refused``: gestures, but farther than their threshold.
+        """
         assert self._spotter is not None, "fit comes first"
         answers: list[list[dict[str, Any]]] = []
         for one in inputs:
@@ -161,7 +164,8 @@ class Decider:
                 try:
                     with calling(self._entry, remedy=_INSTEAD):
                         events, note = self._spotter.spot_with_note(pose, self._worker.alive)
-                    answers[-1].append({"events": [asdict(event) for event in events], "note": note})
+                    answer = {"events": [asdict(event) for event in events], "note": note}
+                    answers[-1].append(answer | {"refused": self._spotter.refused})
                 except ConfigError:
                     raise
                 except GestureError as error:

@@ -11,6 +11,8 @@ from gesture_core.types import Signals
 
 WIDEST = 1000.0
 """Frames: the greatest standard deviation of a Gaussian."""
+_MOST = 10
+"""Times its own frames that a long sequence may have at another rate."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,8 @@ class Resample:
     rate : float
         Frames per second of the result; 0 for its own: the median of its steps, evenly.
     max_frames : int
-        A longer sequence keeps its own frames; time stamps are not trusted to allocate memory.
+        What would have more than these, and than ten times its own, keeps its own: time stamps are not
+        trusted to allocate memory.
     anchored : bool
         Sample at whole multiples of ``1 / rate``, wherever the sequence begins, so that two parts of
         one recording are sampled at the same times.
@@ -124,7 +127,7 @@ class Resample:
         first, last = float(signals.times[0]), float(signals.times[-1])
         rate = self.rate or _own_rate(signals.times)
         frames = round((last - first) * rate) + 1
-        if len(signals) < 2 or last <= first or frames > self.max_frames:
+        if len(signals) < 2 or last <= first or frames > max(self.max_frames, _MOST * len(signals)):
             return signals
         if self.anchored:
             times = np.arange(np.ceil(first * rate), np.floor(last * rate) + 1) / rate
