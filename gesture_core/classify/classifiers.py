@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _MOST = 200
 """Times that examples are left out."""
+_TEACHING = 6
+"""Times as many examples teach as there are landmarks, at most: what more would add is noise."""
 
 Series = Sequence[Signals | np.ndarray]
 State = Mapping[str, np.ndarray]
@@ -254,12 +256,28 @@ def landmarks(codes: np.ndarray, chosen: ClassifySettings) -> np.ndarray:
     All of them, or as many as ``classify.landmarks`` allows: of each class its share, one at least, evenly
     spread. A Nystrom approximation (Williams and Seeger 2001) of the similarities among all.
     """
-    if chosen.votes or chosen.representative or len(codes) <= chosen.landmarks:
+    return _spread(codes, chosen, chosen.landmarks)
+
+
+def teaching(codes: np.ndarray, settings: Settings) -> np.ndarray:
+    """Indices of the examples with the given (N,) codes that are learned from.
+
+    All of them; but where they are compared with the landmarks for it, `_TEACHING` times as many as these at
+    most, spread in the same way.
+    """
+    chosen = settings.classify
+    most = _TEACHING * chosen.landmarks if needs_distances(settings) else len(codes)
+    return _spread(codes, chosen, most)
+
+
+def _spread(codes: np.ndarray, chosen: ClassifySettings, most: int) -> np.ndarray:
+    """All indices, or about ``most``: of each class its share, one at least, evenly spread."""
+    if chosen.votes or chosen.representative or len(codes) <= most:
         return np.arange(len(codes))
     marks = []
     for code in np.unique(codes):
         own = np.flatnonzero(codes == code)
-        count = max(1, chosen.landmarks * len(own) // len(codes))
+        count = max(1, most * len(own) // len(codes))
         marks.append(own[np.linspace(0, len(own) - 1, count).round().astype(int)])
     return np.sort(np.concatenate(marks))
 

@@ -129,7 +129,7 @@ class Comparison:
 
 
 def check_settings(settings: Settings) -> None:
-    """A ConfigError where the settings would multiply or divide a distance that has no such scale.
+    """A ConfigError where the settings ask of a distance or score what it has no scale for.
 
     Squares of sizes divide squared costs alone (`classify.relative`). A factor makes a negative
     distance nearer that should be farther, so soft distances, which may be negative, take none.
@@ -146,6 +146,12 @@ def check_settings(settings: Settings) -> None:
         raise ConfigError(
             "dtw.gamma makes distances that may be negative, which cannot be weighed by a factor",
             remedy=f"--set dtw.gamma=none, or {sets}",
+            code="E_OPTION",
+        )
+    if chosen.min_score is not None and chosen.votes:
+        raise ConfigError(
+            "classify.min_score is about scores, and the nearest examples vote by their distances",
+            remedy="--set classify.reject=… instead, or classify.neighbors=0",
             code="E_OPTION",
         )
     if chosen.relative is not None and (settings.dtw.cost != "squared" or settings.dtw.root):
@@ -233,7 +239,7 @@ class _Reading:
         self._separate = takes_parts(settings)
         channels = series[0].channels
         self._parts = list(parts(channels).values()) if self._separate else [list(range(len(channels)))]
-        self._states: list[Any] = []
+        self._made: list[tuple[SignalBatch, Any]] = []
 
     def warped(self, queries: SignalBatch, extents: Extents) -> np.ndarray:
         """(Q, N) warping distances, infinite where a pair has no channel in common.
@@ -249,15 +255,16 @@ class _Reading:
         total = np.zeros((len(queries), len(self._batch)))
         met = np.zeros(total.shape, bool)
         for place, part in enumerate(self._parts):
-            asked, examples = _channels(queries, part), _channels(self._batch, part)
-            if len(self._states) == place:  # what the kernel keeps of the examples
+            if len(self._made) == place:  # the examples, and what the kernel keeps of them
                 weights = self._spec.weights
                 own = self._spec.replace(
                     weights=None if weights is None else tuple(weights[i] for i in part),
                     reduce="sum" if self._separate else self._spec.reduce,
                 )
-                self._states.append(self._kernel.prepare(examples, own))
-            found = np.asarray(self._kernel.distances(self._states[place], asked))
+                examples = _channels(self._batch, part)
+                self._made.append((examples, self._kernel.prepare(examples, own)))
+            asked, (examples, state) = _channels(queries, part), self._made[place]
+            found = np.asarray(self._kernel.distances(state, asked))
             found = check_distances(found, asked, examples, self._name)
             if not self._separate:
                 return found

@@ -14,6 +14,7 @@ from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.plugin.registry import calling
 from gesture_core.records import Prediction
+from gesture_core.settings import ClassifySettings
 from gesture_core.types import Neighbors, Signals, Status
 
 # Scores are sums in an order that a library's blocking may change; what is shown is rounded to hide it,
@@ -25,6 +26,8 @@ _NAMED = 3
 _GRID = np.geomspace(1e-3, 1e3, 181)
 """Temperatures that are tried, in units of the usual lead of the best score."""
 _LEAST = 1e-12
+_NOTHING = ClassifySettings()
+"""No limit at all."""
 # Share of frames with a repaired joint from which on a prediction says so.
 _MANY = 0.1
 # Status and message of a query that no example could be compared with.
@@ -155,27 +158,28 @@ def named_examples(distances: np.ndarray, codes: np.ndarray, votes: Votes, k: in
 def refusals(
     votes: Votes,
     thresholds: np.ndarray | None = None,
-    margin: float | None = None,
+    asked: ClassifySettings = _NOTHING,
     still: Sequence[bool] | np.ndarray | None = None,
-    confidence: float | None = None,
 ) -> list[str]:
     """Why each query gets no label: the code of the reason, empty where it gets one.
 
-    E_REJECTED where the distance is above its class's value in the (C,) ``thresholds``, E_UNSURE where
-    the margin is below ``margin`` or the probability below ``confidence``. Where no example could be
-    compared, E_NO_SALIENT of a query that is ``still``, in which nothing moves, and E_NO_COMMON of any other.
+    E_REJECTED where the distance is above its class's value in the (C,) ``thresholds``, or the score below
+    what is ``asked``; E_UNSURE where the margin or the probability is. Where no example could be compared,
+    E_NO_SALIENT of a query that is ``still``, in which nothing moves, and E_NO_COMMON of any other.
     """
-    codes = []
+    codes, least = [], -np.inf if asked.min_score is None else asked.min_score
     rows = zip(votes.winners, votes.distances, votes.margins, strict=True)
     for index, (winner, distance, lead) in enumerate(rows):
         if winner < 0:
             codes.append("E_NO_SALIENT" if still is not None and still[index] else "E_NO_COMMON")
-        elif thresholds is not None and not distance <= thresholds[winner]:
+        elif (thresholds is not None and not distance <= thresholds[winner]) or (
+            votes.scores[index, winner] < least
+        ):
             codes.append("E_REJECTED")
         else:
-            unsure = margin is not None and lead < margin
-            if confidence is not None and votes.chances is not None:
-                unsure = unsure or bool(votes.chances[index] < confidence)
+            unsure = asked.margin is not None and lead < asked.margin
+            if asked.confidence is not None and votes.chances is not None:
+                unsure = unsure or bool(votes.chances[index] < asked.confidence)
             codes.append("E_UNSURE" if unsure else "")
     return codes
 
@@ -186,15 +190,15 @@ def decide(
     library: ExampleLibrary,
     fitted: Fitted,
     thresholds: np.ndarray | None = None,
-    margin: float | None = None,
-    confidence: float | None = None,
+    asked: ClassifySettings = _NOTHING,
 ) -> list[Prediction]:
     """One `Prediction` for each query, from the (Q, N) ``distances`` to the examples of ``library``.
 
-    ``fitted`` has learned from them; the thresholds are those of `refusals`.
+    ``fitted`` has learned from them; the thresholds, and what is ``asked``, are those of `refusals`.
     """
     votes = votes_of(fitted, distances, queries)
-    codes = refusals(votes, thresholds, margin, list(map(is_still, queries)), confidence)
+    codes = refusals(votes, thresholds, asked, list(map(is_still, queries)))
+    margin, confidence = asked.margin, asked.confidence
     predictions = []
     shown = named_examples(distances, library.codes, votes, fitted.votes)
     for index, named in enumerate(shown):
@@ -211,9 +215,15 @@ def decide(
             (library.names[i], str(library.labels[i]), float(distances[index, i])) for i in named
         )
         message = ""
-        if code == "E_REJECTED" and thresholds is not None:
+        if code == "E_REJECTED" and thresholds is not None and not distance <= thresholds[winner]:
             limit = thresholds[winner]
             message = f"{label} at best, whose nearest example is at {distance:.4g}, above {limit:.4g}"
+        elif code == "E_REJECTED":
+            score = votes.scores[index, winner]
+            message = (
+                f"{label} at best, with a score of {score:.4g}, below {asked.min_score:.4g}; "
+                "try: more examples of it, or a lower --set classify.min_score=…"
+            )
         elif code == "E_UNSURE":
             rival = next((f" before {other}" for _, other, _ in neighbors if other != label), "")
             by, value, limit, name = "by a margin of", lead, margin, "margin"

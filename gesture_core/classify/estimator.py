@@ -157,7 +157,6 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         """
         self._check_fitted()
         signals = self.signals(X)
-        chosen = self.settings_.classify
         votes = votes_of(self._recognizer.fitted, self.distances(signals), signals)
         for index in np.flatnonzero(votes.winners < 0):
             if not is_still(signals[index]):
@@ -166,7 +165,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
                     remedy="predictions() gives it a row instead",
                     code="E_NO_COMMON",
                 )
-        codes = refusals(votes, self.thresholds_, chosen.margin, confidence=chosen.confidence)
+        codes = refusals(votes, self.thresholds_, self.settings_.classify)
         labels: np.ndarray = self.classes_[votes.winners]
         refused = np.array(codes, str) != ""
         return np.where(refused, np.asarray(self.rejected_label_), labels) if refused.any() else labels

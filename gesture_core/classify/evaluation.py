@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gesture_core.classify.balance import balanced
-from gesture_core.classify.classifiers import Fitted, landmarks, learn, needs_distances
+from gesture_core.classify.classifiers import Fitted, landmarks, learn, needs_distances, teaching
 from gesture_core.classify.comparison import compare, is_still
 from gesture_core.classify.decision import refusals, temperature_of, votes_of
 from gesture_core.classify.learning import medoids
@@ -216,18 +216,19 @@ def answer(
         every = Fitted.fit(settings, compared.series, codes, len(classes), within)
         temperature = _temperature(every, within, compared.series, chosen)
     for fold in folds(protocol, codes, subjects, within, train):
-        marks = fold.train[landmarks(codes[fold.train], chosen)]
-        among = within[np.ix_(fold.train, marks)] if needs_distances(settings) else None
-        known = compared.of(fold.train)
-        kept, thresholds, fitted = learn(settings, known, codes[fold.train], len(classes), among)
-        examples = fold.train[kept]
+        taught = fold.train[teaching(codes[fold.train], settings)]
+        marks = taught[landmarks(codes[taught], chosen)]
+        among = within[np.ix_(taught, marks)] if needs_distances(settings) else None
+        known = compared.of(taught)
+        kept, thresholds, fitted = learn(settings, known, codes[taught], len(classes), among)
+        examples = taught[kept]
         block = within[np.ix_(fold.test, examples)]
         if calibrate and protocol != "leave-one-out":
             own = within[np.ix_(examples, examples)]
             temperature = _temperature(fitted, own, compared.of(examples), chosen)
         votes = votes_of(fitted.with_temperature(temperature), block, compared.of(fold.test))
         still = None if compared.still is None else compared.still[fold.test]
-        refused = refusals(votes, thresholds, chosen.margin, still, chosen.confidence)
+        refused = refusals(votes, thresholds, chosen, still)
         for row, origin in enumerate(usable[fold.test]):
             winner = int(votes.winners[row])
             limit = np.inf if winner < 0 or thresholds is None else float(thresholds[winner])
@@ -243,6 +244,7 @@ def answer(
                     limit,
                     refused[row],
                     np.nan if votes.chances is None or winner < 0 else float(votes.chances[row]),
+                    np.nan if chosen.votes or winner < 0 else float(votes.scores[row, winner]),
                 )
             )
         names.append(fold.name)

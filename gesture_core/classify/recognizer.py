@@ -26,6 +26,7 @@ from gesture_core.classify.classifiers import (
     landmarks,
     learn,
     needs_distances,
+    teaching,
 )
 from gesture_core.classify.comparison import Comparison, check_alike, check_settings
 from gesture_core.classify.decision import decide, temperature_of, votes_of
@@ -127,6 +128,9 @@ class Recognizer:
                 code="E_NEIGHBORS",
             )
         warn_of_contradictions(library, stacklevel + 1)
+        taught = teaching(library.codes, settings)
+        if len(taught) < len(library):
+            library = library.take(taught)
         marks = landmarks(library.codes, chosen)
         comparison = Comparison([library.series[i] for i in marks], settings, known)
         within = _among(library.series, comparison, alive) if needs_distances(settings) else None
@@ -137,7 +141,7 @@ class Recognizer:
                 comparison = Comparison([library.series[i] for i in kept], settings, known)
             within = None if within is None else within[np.ix_(kept, np.isin(marks, kept))]
             library = library.take(kept)
-        found = cls(settings, library, kept, thresholds, fitted, comparison, within)
+        found = cls(settings, library, taught[kept], thresholds, fitted, comparison, within)
         if chosen.confidence is None:
             return found
         return replace(found, fitted=fitted.with_temperature(found.temperature))
@@ -192,16 +196,8 @@ class Recognizer:
                 message = error.message.replace("query 0", f"query {places[0]}")
                 found[places[0]] = Prediction(None, "error", code=error.code, message=message)
                 continue
-            chosen = self.settings.classify
-            decided = decide(
-                distances,
-                series,
-                self.library,
-                self.fitted,
-                self.thresholds,
-                chosen.margin,
-                chosen.confidence,
-            )
+            asked = self.settings.classify
+            decided = decide(distances, series, self.library, self.fitted, self.thresholds, asked)
             found.update(zip(places, decided, strict=True))
         return [found[place] for place in range(len(X))]
 

@@ -14,7 +14,8 @@ from gesture_core.settings import Settings
 class Answer:
     """One tested sequence: what it is, what it was taken for, and how sure that was.
 
-    ``confidence`` is the probability of the label, NaN where none is known.
+    ``confidence`` is the probability of the label, NaN where none is known; ``score`` is that of its class,
+    NaN where the nearest examples vote.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Answer:
     threshold: float = np.inf
     code: str = ""
     confidence: float = np.nan
+    score: float = np.nan
 
     @property
     def right(self) -> bool:
@@ -109,6 +111,10 @@ class Evaluation:
     def margin_curve(self) -> list[tuple[float, float, float]]:
         """(smallest margin, coverage, accuracy of what is left), from the loosest to the strictest."""
         return self._curve(np.array([a.margin for a in self.answers]), -1.0)
+
+    def score_curve(self) -> list[tuple[float, float, float]]:
+        """(smallest score, coverage, accuracy of what is left), from the loosest to the strictest."""
+        return self._curve(np.array([a.score for a in self.answers]), -1.0)
 
     def confidence_curve(self) -> list[tuple[float, float, float]]:
         """(smallest probability, coverage, accuracy of what is left), from the loosest to the strictest."""

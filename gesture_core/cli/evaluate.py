@@ -212,13 +212,15 @@ def _print_thresholds(evaluation: Evaluation) -> None:
     curves = {
         "reject above": evaluation.rejection_curve(),
         "margin from": evaluation.margin_curve(),
+        "score from": evaluation.score_curve(),
         "confidence from": evaluation.confidence_curve(),
     }
     some = any(curves.values())  # otherwise nothing has a label
     if some:
         print(
             "a stricter threshold labels fewer inputs (coverage), and usually more of these rightly "
-            "(accuracy): --reject VALUE, --set classify.margin=VALUE, or --set classify.confidence=VALUE"
+            "(accuracy): --reject VALUE, or --set classify.margin=VALUE, classify.min_score=VALUE or "
+            "classify.confidence=VALUE"
         )
     for title, curve in curves.items():
         if curve:

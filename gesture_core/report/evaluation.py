@@ -88,6 +88,9 @@ def summary(evaluation: Evaluation, fingerprint: str) -> dict[str, Any]:
         "coverage_at_margin": [
             {"margin": m, "coverage": c, "accuracy": a} for m, c, a in thinned(evaluation.margin_curve())
         ],
+        "coverage_at_score": [
+            {"score": s, "coverage": c, "accuracy": a} for s, c, a in thinned(evaluation.score_curve())
+        ],
         "coverage_at_confidence": [
             {"confidence": p, "coverage": c, "accuracy": a}
             for p, c, a in thinned(evaluation.confidence_curve())
@@ -124,7 +127,8 @@ def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> 
         text = json.dumps(summary(evaluation, fingerprint), indent=1, allow_nan=False)
         temporary.write_text(text + "\n", "utf-8")
     columns = (
-        "name", "subject", "fold", "label", "predicted", "right", "distance", "margin", "confidence", "code",
+        "name", "subject", "fold", "label", "predicted", "right", "distance", "margin", "score", "confidence",
+        "code",
     )  # fmt: skip
     CsvWriter().write((_record(answer) for answer in evaluation.answers), columns, answers)
     return [numbers, answers]
@@ -146,6 +150,6 @@ def draw_evaluation(evaluation: Evaluation, folder: Path) -> list[Path]:
 
 def _record(answer: Answer) -> dict[str, Any]:
     record = asdict(answer) | {"right": int(answer.right)}
-    for key in ("distance", "margin", "confidence"):
+    for key in ("distance", "margin", "score", "confidence"):
         record[key] = f"{record[key]:.6g}" if np.isfinite(record[key]) else None
     return record

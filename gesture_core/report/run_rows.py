@@ -105,6 +105,7 @@ def read_rows(
         "sureness": _sureness([row for _, row in keyed]),
         "margin_is": "score" if settings.classify.votes == 0 else "distance",
         "margin": settings.classify.margin,
+        "min_score": settings.classify.min_score,
         "confidence": settings.classify.confidence,
         "reject": settings.classify.reject,
         "spot": _event_threshold(settings),

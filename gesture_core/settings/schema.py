@@ -157,7 +157,8 @@ class ClassifySettings(_Section):
         Of ``weighed`` and ``blend``: penalty on the squared weights; more makes all examples more alike.
     landmarks : int
         Of any classifier but ``nearest``: of more examples than this, those that queries are compared with,
-        spread evenly over each class in the order of the examples; what they count for is learned from all.
+        spread evenly over each class in the order of the examples. What they count for is learned from six
+        times as many at most, spread in the same way.
     reject : None or float
         Distances above this get no label.
     reject_sd : None or float
@@ -166,6 +167,9 @@ class ClassifySettings(_Section):
     margin : None or float
         Labels with a smaller margin are rejected (E_UNSURE). The margin is the lead of the winner's
         distance with ``nearest``, otherwise of its score (0 to about 1).
+    min_score : None or float
+        Labels of a smaller score are rejected (E_REJECTED): what is like no example, or like several classes.
+        About 1 for the right class and 0 for others; not of ``nearest``, whose scores are distances.
     confidence : None or float
         Labels that are right with a smaller probability than this are rejected (E_UNSURE), and every row has
         the probability; 0 rejects none. It is calibrated on the examples, each of which is decided by the
@@ -204,6 +208,7 @@ class ClassifySettings(_Section):
     reject: float | None = None
     reject_sd: float | None = None
     margin: float | None = None
+    min_score: float | None = None
     confidence: float | None = None
     representative: bool = False
     min_pose: float = 0.25
@@ -303,7 +308,7 @@ class LimitSettings(_Section):
 
 _RANGES = {
     "pose.score signals.min_seen classify.confidence classify.min_pose classify.relative": (0, 1),
-    "signals.max_gap classify.reject_sd classify.margin classify.rest": (0, _INFINITE),
+    "signals.max_gap classify.reject_sd classify.margin classify.min_score classify.rest": (0, _INFINITE),
     "classify.reject": (-_INFINITE, _INFINITE),
     "classify.mirror": (1, _INFINITE),
     "classify.neighbors limits.cache": (0, 1e9),

@@ -78,7 +78,11 @@ class EventExplainer:
                 distance, length, channels = ways[best]
                 part = slice(last + 1 - length, last + 1)
                 number = int(known.example[best])
-                found = _align(signals, part, known.series[best], channels, self._settings.spot.floor)
+                tempos = 1.0, *self._settings.spot.tempos
+                tempo, example = tempos[best % len(tempos)], known.series[best]
+                found = _align(signals, part, example, channels, self._settings.spot.floor)
+                # What is shown of the example is at its own time, not at the tempo at which it fits.
+                found = replace(found, signals=replace(example, times=example.times / tempo))
                 label = known.classes[known.codes[number]]
                 sides.append(replace(found, example=known.names[number], label=label, distance=distance))
         return Explanation(sides[0], sides[1] if len(sides) > 1 else None)

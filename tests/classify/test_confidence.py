@@ -118,3 +118,19 @@ def test_the_calibration_error_is_the_gap_between_what_is_promised_and_what_is_r
 
     promised = [of(0.75, i < 6) for i in range(10)] + [of(1.0, True)] * 10
     assert Evaluation(promised, "split", MODERN).calibration_error == pytest.approx(0.15 / 2)
+
+
+def test_an_evaluation_says_what_a_smallest_score_costs() -> None:
+    plain = answer(compared(limited(None)), "leave-one-subject-out")
+    curve = plain.score_curve()
+    assert curve[0][1:] == (1.0, plain.accuracy)
+    limit, coverage, accuracy = curve[len(curve) // 2]
+    asked = limited(None).with_values([("classify.min_score", limit)])
+    strict = answer(compared(asked), "leave-one-subject-out")
+    labelled = [one for one in strict.answers if one.predicted is not None]
+    assert len(labelled) / len(strict.answers) == coverage < 1
+    assert np.mean([one.right for one in labelled]) == accuracy > plain.accuracy
+    assert {one.code for one in strict.answers} == {"", "E_REJECTED"}
+    assert answer(compared(limited(None, 1)), "leave-one-subject-out").score_curve() == [], (
+        "of votes there is none"
+    )

@@ -11,7 +11,7 @@ from swings import pose, swing
 
 from gesture_core import GestureClassifier
 from gesture_core.classify import comparison
-from gesture_core.classify.classifiers import landmarks, learn
+from gesture_core.classify.classifiers import landmarks, learn, teaching
 from gesture_core.classify.evaluation import Compared, Labelled, answer
 from gesture_core.classify.learning import learn_weights
 from gesture_core.records import Job, encoded
@@ -86,11 +86,11 @@ def test_a_fitted_classifier_keeps_the_landmarks(monkeypatch: pytest.MonkeyPatch
         return found
 
     monkeypatch.setattr(comparison.Comparison, "distances", counting)
-    settings = replace(under(15), classify=replace(under(15).classify, confidence=0.3, reject_sd=5.0))
+    settings = replace(under(21), classify=replace(under(21).classify, confidence=0.3, reject_sd=5.0))
     model = GestureClassifier(settings).fit(arrays, codes.tolist())
-    assert sum(rows * columns for rows, columns in compared) == 120 * 15
-    assert len(model.library_) == 15 and model.weights_ is not None
-    assert model.weights_.weights.shape == (15, 3)
+    assert sum(rows * columns for rows, columns in compared) == 120 * 21
+    assert len(model.library_) == 21 and model.weights_ is not None
+    assert model.weights_.weights.shape == (21, 3)
     assert [codes[i] for i in model.example_indices_] == model.library_.codes.tolist()
     asked, truth = clouds(4, 20)
     queries = [np.full((4, 1), place) for place in asked]
@@ -99,6 +99,34 @@ def test_a_fitted_classifier_keeps_the_landmarks(monkeypatch: pytest.MonkeyPatch
     model.save(tmp_path / "model")
     assert GestureClassifier.load(tmp_path / "model").predictions(queries) == found
     assert model.predict_proba(queries).shape == (60, 3)
+
+
+def test_so_many_teach_that_a_fit_takes_no_longer_for_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    places, codes = clouds(3, 200)
+    arrays = [np.full((4, 1), place) for place in places]
+    settings = under(15)
+    taught = teaching(codes, settings)
+    assert np.bincount(codes[taught]).tolist() == [30, 30, 30]
+    assert {0, 199, 200, 599} <= set(taught.tolist()), "the first and the last of a class are among them"
+    assert len(teaching(codes[:90], settings)) == 90
+    nearest = replace(settings, classify=replace(settings.classify, classifier="nearest"))
+    rocket = replace(settings, classify=replace(settings.classify, classifier="rocket"))
+    assert len(teaching(codes, nearest)) == len(teaching(codes, rocket)) == 600
+    seen: list[int] = []
+    distances = comparison.Comparison.distances
+
+    def counting(self: comparison.Comparison, queries: list[Signals | np.ndarray]) -> np.ndarray:
+        seen.append(len(queries))
+        return distances(self, queries)
+
+    monkeypatch.setattr(comparison.Comparison, "distances", counting)
+    model = GestureClassifier(settings).fit(arrays, codes.tolist())
+    assert sum(seen) == 90
+    assert set(model.example_indices_) <= set(taught.tolist())
+    for index, item in zip(model.example_indices_, model.library_.series, strict=True):
+        np.testing.assert_array_equal(np.asarray(item), arrays[index])
+    asked, truth = clouds(4, 20)
+    assert (model.predict([np.full((4, 1), place) for place in asked]) == truth).mean() > 0.9
 
 
 def test_evaluation_decides_as_the_classifier_does() -> None:

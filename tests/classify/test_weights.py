@@ -23,7 +23,7 @@ from gesture_core.classify.learning import ExampleWeights, learn_weights
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
 from gesture_core.run.pipeline import RunSummary
-from gesture_core.settings import load_settings
+from gesture_core.settings import ClassifySettings, load_settings
 from gesture_core.types import Signals
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
@@ -254,9 +254,29 @@ def test_a_small_margin_gives_no_label() -> None:
     )
 
 
+def test_what_is_like_no_example_gets_no_label_by_its_score() -> None:
+    poses, labels, _ = gestures(0, 3)
+    queries, truth, _ = gestures(1, 2)
+    strangers = [pose(swing("left_ankle", 0, 4.0, 40, 60.0))]
+    strict = ALL.with_values([("classify.min_score", 0.2), ("classify.reject", None)])
+    model = GestureClassifier(strict).fit(poses, labels)
+    scores = model.decision_function([*queries, *strangers]).max(axis=1)
+    assert scores[:-1].min() > 0.2 > scores[-1]
+    assert model.predict([*queries, *strangers]).tolist() == [*truth, "(none)"]
+    row = model.predictions(strangers)[0]
+    assert (row.label, row.status, row.code) == (None, "rejected", "E_REJECTED")
+    assert f"at best, with a score of {scores[-1]:.4g}, below 0.2; try: " in row.message
+    far = strict.with_values([("classify.reject", 1e-9)])
+    message = GestureClassifier(far).fit(poses, labels).predictions(strangers)[0].message
+    assert message.endswith("above 1e-09"), "the distance is the first reason"
+    with pytest.raises(ConfigError, match="vote by their distances"):
+        GestureClassifier(strict.with_values([("classify.classifier", "nearest")])).fit(poses, labels)
+
+
 def test_with_one_class_no_margin_is_asked_for() -> None:
     library = ExampleLibrary((np.zeros((3, 1)),), ("a",), ("one",))
-    (row,) = decide(np.array([[1.0]]), [np.zeros((3, 1))], library, by_votes(library.codes, 1), margin=0.5)
+    asked, votes = ClassifySettings(margin=0.5), by_votes(library.codes, 1)
+    (row,) = decide(np.array([[1.0]]), [np.zeros((3, 1))], library, votes, None, asked)
     assert (row.label, row.margin) == ("a", None)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,10 @@ from gesture_core.dtw.subsequence import reference_subsequences
 from gesture_core.errors import PluginError
 from gesture_core.report.run_page import write_report
 from gesture_core.run.pipeline import RunSummary
+from gesture_core.settings import load_settings
 from gesture_core.spot import spotter
-from gesture_core.spot.explanation import subsequence_path
-from gesture_core.types import PoseSequence
+from gesture_core.spot.explanation import EventExplainer, subsequence_path
+from gesture_core.types import Event, PoseSequence
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -181,3 +183,15 @@ def test_channels_are_refused_before_anything_is_looked_at(
     assert gesture(words) == 2
     assert "in the movements of people alone" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())
+
+
+def test_an_example_is_shown_at_its_own_time_whatever_the_tempo_at_which_it_fits(drawn: DemoArchive) -> None:
+    """The recording is an example at 1.6 times its length."""
+    clips = [load_poses(drawn.example_keypoints / name / "1")[0] for name in ("wave", "clap")]
+    slow = replace(clips[0], times=clips[0].times * 1.6)
+    event = Event("slow", 0, 0.0, float(slow.times[-1]), "wave", 1.0, 0.0, "wave/1")
+    found = EventExplainer(clips, ["wave", "clap"], ["wave/1", "clap/1"], load_settings(environment={}))
+    near = found(event, slow).nearest
+    assert near.distance < 0.05
+    assert near.query.times[-1] - near.query.times[0] == pytest.approx(slow.times[-1], abs=0.2)
+    assert near.signals.times[-1] == pytest.approx(clips[0].times[-1], abs=0.1)

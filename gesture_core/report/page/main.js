@@ -11,6 +11,7 @@
   document.getElementById("facts").textContent = [
     counted(rows.length, "row"), data.labels.length ? counted(data.labels.length, "label") : "", data.examples.length ? counted(data.examples.length, "example") : "",
     data.preset ? `preset ${data.preset}` : "", data.reject === null || data.kind !== "labels" ? "" : `no label beyond distance ${data.reject}`, data.margin === null || data.kind !== "labels" ? "" : `no label below margin ${data.margin}`,
+    data.min_score === null || data.kind !== "labels" ? "" : `no label below score ${data.min_score}`,
     !data.confidence || data.kind !== "labels" ? "" : `no label below confidence ${data.confidence}`,
   ].filter(Boolean).join(" · ");
   document.getElementById("foot").textContent = `gesture-core ${data.version} · run ${data.fingerprint}${gesture.base ? ` · inputs in ${gesture.base}` : ""}`;

@@ -116,7 +116,7 @@ gesture.overview = (() => {
     }
 
     function title(by) {
-      if (by === "distance") return "distance to the nearest example";
+      if (by === "distance") return "distance to the nearest example, 0: a copy";
       if (sureness === "score") return "score: how far an event is below the threshold";
       if (sureness === "confidence") return "confidence: probability that the label is right";
       return data.margin_is === "score" ? "margin: lead of the label's score over the next" : "margin: how much farther the next label is";
