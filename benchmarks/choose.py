@@ -14,7 +14,10 @@ wins. ``--videos`` adds body_gesture as networks see it (folders of benchmarks/v
 
 ``--nested`` repeats the whole descent for each subject of each data set with that subject taken out
 of all versions of it, and tests the weights on it, decided as the preset decides: the honest estimate
-beside the figures of the one preset, which has seen all subjects. Needs torch.
+beside the figures of the one preset, which has seen all subjects. ``--nested FAMILY`` does so for the
+subjects of one family alone. ``--wrong N`` adds each clip of utd_openpose and body_gesture with N wrong
+frames of one of the kinds of benchmarks/damage.py, at the same weight. The loss of the preset as it is
+shipped stands beside that of the choice. Needs torch.
 """
 
 from __future__ import annotations
@@ -28,6 +31,7 @@ from typing import Any
 
 import numpy as np
 from choose_tests import tested
+from damage import BAD_FRAMES
 from datasets import Item, arguments, body_gesture, pose_trainer, utd_openpose, utd_skeleton
 from videos import with_videos
 
@@ -52,6 +56,7 @@ STEPS = 100
 LARGE = 300
 FAR = 1e6
 SMALLEST = 0.01
+_WEIGHTS = {"pose_trainer": 0.3, "utd_openpose, wrong": 1.0, "body_gesture, wrong": 1.0}
 FACTS = ("labels", "subjects", "groups", "names", "frames", "still")
 MATRICES = ("same", "other", "common", "common_other")
 
@@ -187,13 +192,13 @@ def problem_loss(problem: Problem, distances: Any) -> Any:
         members = [torch.tensor(np.flatnonzero(own & (problem.codes == c))) for c in classes]
         nearest = torch.stack([apart[:, m].amin(dim=1) for m in members], dim=1)
         total = total + soft_loss(nearest[torch.tensor(own)], torch.tensor(codes)).mean()
-    if problem.name.startswith("utd"):
+    if problem.name in ("utd_openpose", "utd_skeleton"):
         examples, asked = problem.donors
         codes = torch.tensor(problem.codes)[:, None].expand(-1, len(examples))
         losses = soft_loss(logs[:, examples].flatten(0, 1), codes.flatten()).reshape(codes.shape).T
         share = (losses * asked).sum(dim=1) / asked.sum(dim=1)
         total = total + (DONOR if problem.name == "utd_openpose" else 1.0) * share.mean()
-    return total * {"pose_trainer": 0.3}.get(problem.name, VIDEOS if "," in problem.name else 1.0)
+    return total * _WEIGHTS.get(problem.name, VIDEOS if "," in problem.name else 1.0)
 
 
 def soft_loss(nearest: Any, own: Any) -> Any:
@@ -208,9 +213,13 @@ def soft_loss(nearest: Any, own: Any) -> Any:
 
 def search(problems: list[Problem], starts: int) -> Choice:
     """The choice of the lowest loss of several starts."""
-    thin = [p.take(np.arange(0, len(p.labels), 2)) if len(p.labels) > LARGE else p for p in problems]
-    found = [descend(thin, seed) for seed in range(starts)]
+    found = [descend(thinned(problems), seed) for seed in range(starts)]
     return min(found, key=lambda choice: choice.loss)
+
+
+def thinned(problems: list[Problem]) -> list[Problem]:
+    """Every other item of the large ones."""
+    return [p.take(np.arange(0, len(p.labels), 2)) if len(p.labels) > LARGE else p for p in problems]
 
 
 def descend(problems: list[Problem], seed: int) -> Choice:
@@ -237,6 +246,38 @@ def descend(problems: list[Problem], seed: int) -> Choice:
         shares = torch.where(shares < SMALLEST, 0.0, shares) / unit
     found = (float(value.detach()) for value in (mirror, still, loss))
     return Choice((shares / shares.max()).numpy(), *found)
+
+
+def shipped(problems: list[Problem]) -> Choice:
+    """What the preset holds, and its loss."""
+    import torch
+
+    modern = load_settings("modern")
+    given = modern.plugin_options("parts")["weights"]
+    weights = np.float32([given.get(term, 0.0) for term in TERMS])
+    rest = modern.classify.rest / float(np.exp(np.mean(np.log(_sizes(weights, problems)))))
+    choice = Choice(weights, float(modern.classify.mirror), rest, 0.0)
+    shares = weights * np.nanmean([p.units for p in problems], axis=0)
+    with torch.no_grad():
+        loss = PENALTY * float(np.sqrt(shares / shares.sum() + 1e-5).sum())
+        for problem in problems:
+            found = problem.distances(torch.tensor(weights), choice.mirror, rest)
+            loss += float(problem_loss(problem, found))
+    return replace(choice, loss=loss)
+
+
+def _sizes(weights: np.ndarray, problems: list[Problem]) -> list[float]:
+    return [float(np.median(weights @ p.sizes) / np.median(p.frames)) for p in problems]
+
+
+def wrong(items: list[Item], count: int) -> list[Item]:
+    """The items with so many wrong frames each, of all kinds in turn."""
+    random = np.random.default_rng(7)
+    kinds = [BAD_FRAMES[i % len(BAD_FRAMES)] for i in range(len(items))]
+    return [
+        replace(item, pose=kind.damage(item.pose, count, random))
+        for item, kind in zip(items, kinds, strict=True)
+    ]
 
 
 def load(name: str, read: Callable[[], list[Item]], kernel: str, folder: Path | None) -> Problem:
@@ -282,8 +323,7 @@ def _signals(settings: Settings, items: list[Item]) -> list[Signals]:
 
 def as_toml(choice: Choice, problems: list[Problem]) -> str:
     """The values of the preset that the search decides."""
-    sizes = [np.median(choice.weights @ p.sizes) / np.median(p.frames) for p in problems]
-    rest = choice.rest * float(np.exp(np.mean(np.log(sizes))))
+    rest = choice.rest * float(np.exp(np.mean(np.log(_sizes(choice.weights, problems)))))
     lines = [f"mirror = {choice.mirror:.2f}", f"rest = {rest:.2g}", "", "[options.parts.weights]"]
     order = np.argsort(-choice.weights)
     return "\n".join(
@@ -297,7 +337,11 @@ def main() -> int:
     parser.add_argument("--starts", type=int, default=2)
     parser.add_argument("--kernel", default="auto")
     parser.add_argument("--videos", nargs="+", type=Path, default=[], help="folders of benchmarks/videos.py")
-    parser.add_argument("--nested", action="store_true", help="repeat the search without each subject")
+    parser.add_argument("--wrong", type=int, default=0, help="wrong frames in further versions of the clips")
+    families = ("utd_openpose", "utd_skeleton", "body_gesture")
+    parser.add_argument(
+        "--nested", nargs="*", choices=families, help="repeat the search without each subject, of these sets"
+    )
     parser.add_argument("--cache", type=Path, help="folder of your own that keeps the matrices")
     given = parser.parse_args()
     sources: dict[str, Callable[[], list[Item]]] = {
@@ -308,12 +352,15 @@ def main() -> int:
         sources[f"body_gesture, {folder.name}"] = lambda folder=folder: with_videos(  # type: ignore[misc]
             body_gesture(given.shared), folder
         )
+    for read in (utd_openpose, body_gesture) if given.wrong else ():
+        sources[f"{read.__name__}, wrong"] = lambda read=read: wrong(read(given.shared), given.wrong)  # type: ignore[misc]
     problems = [load(name, read, given.kernel, given.cache) for name, read in sources.items()]
+    print(f"loss of the preset as shipped {shipped(thinned(problems)).loss:.4f}", flush=True)
     choice = search(problems, given.starts)
     print(f"loss {choice.loss:.4f}\n{as_toml(choice, problems)}\n", flush=True)
-    if not given.nested:
+    if given.nested is None:
         return 0
-    for family in ("utd_openpose", "utd_skeleton", "body_gesture"):
+    for family in given.nested or families:
         own = [p for p in problems if p.name.startswith(family)]
         right: dict[str, list[bool]] = {}
         for subject in np.unique(own[0].subjects):

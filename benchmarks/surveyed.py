@@ -79,7 +79,7 @@ def by_joint(items: Sequence[Item], settings: Settings) -> np.ndarray:
     data = labelled(items, settings)
     channels = next(one.channels for one in data.poses if isinstance(one, Signals))
     tables = []
-    for joint in parts(channels):
+    for joint in parts(channels, settings):
         alone = settings.with_values([("classify.weights", ("*=0", f"{joint}=1"))])
         tables.append(compare_all(data, alone).within)
     return np.array(tables)

@@ -128,7 +128,7 @@ class Code(StrEnum):
     POSE_FRAME = "E_POSE_FRAME", "an array is no picture", "(H, W, 3) uint8 arrays in BGR"
     POSE_PEOPLE = "E_POSE_PEOPLE", "the network cannot tell people apart", "--set pose.people=single"
     NO_PERSON = "E_NO_PERSON", "nobody was found", "another view, a lower presence limit", 1, "rejected"
-    POSE_SHORT = "E_POSE_SHORT", "too few frames with a pose", "a longer clip", 1, "rejected"
+    POSE_SHORT = "E_POSE_SHORT", "too few frames, or samples of a sensor", "a longer clip", 1, "rejected"
     POSE_SPARSE = "E_POSE_SPARSE", "joints are seen in too few frames", "another clip", 1, "rejected"
     POSE_SCALE = "E_POSE_SCALE", "the body gives no scale or origin", "another normalizer", 1, "rejected"
     NO_SALIENT = "E_NO_SALIENT", "nothing moves enough to be compared", "another clip", 1, "rejected"

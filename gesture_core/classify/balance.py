@@ -36,7 +36,7 @@ def balanced(series: Sequence[Series], settings: Settings) -> Settings:
     signals = [item for item in series if isinstance(item, Signals)]
     if not signals or not (chosen.balance or chosen.weights):
         return settings
-    groups = parts(signals[0].channels)
+    groups = parts(signals[0].channels, settings)
     factors = _factors(chosen.weights, list(groups))
     weights = np.zeros(len(signals[0].channels))
     spreads = [_spread(signals, columns) if chosen.balance else 1.0 for columns in groups.values()]

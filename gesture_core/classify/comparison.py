@@ -21,6 +21,7 @@ import numpy as np
 
 from gesture_core.classify.known import KnownDistances, mark_all
 from gesture_core.errors import ConfigError, InputError
+from gesture_core.files import printable
 from gesture_core.settings import Settings
 from gesture_core.signals.mirror import mirrored
 from gesture_core.types import SignalBatch, Signals
@@ -28,7 +29,8 @@ from gesture_core.types import SignalBatch, Signals
 Series = Signals | np.ndarray
 _CHOICES = 4
 """Choices of examples that stay prepared: those that some queries still have to be compared with."""
-_SIDE_OR_AXIS = re.compile(r"^(right|left)_|_[xyz](?=[.@]|$)|/[^.@\[]*|\[[^\]]*\]")
+_SIDE = re.compile(r"^(right|left)_")
+_AXIS = re.compile(r"_[xyz](?=[.@]|$)|/[^.@\[]*|\[[^\]]*\]")
 
 
 def compare(queries: Sequence[Series], examples: Sequence[Series], settings: Settings) -> np.ndarray:
@@ -168,7 +170,9 @@ def check_alike(series: Sequence[Series], name: str, example: Series | None = No
 
     ``name`` is what an element is called in the message.
     """
-    model, other = (series[0], f"{name} 0") if example is None else (example, "the examples")
+    model, other = (
+        (series[0], _called(f"{name} 0", series[0])) if example is None else (example, "the examples")
+    )
     for index, item in enumerate(series):
         if isinstance(item, Signals) != isinstance(model, Signals):
             raise InputError(
@@ -177,11 +181,18 @@ def check_alike(series: Sequence[Series], name: str, example: Series | None = No
                 code="E_MIXED",
             )
         if isinstance(item, Signals) and isinstance(model, Signals) and item.channels != model.channels:
+            who = _called(f"{name} {index}", item) if example is None else f"{name} {index}"
             raise InputError(
-                f"{name} {index} has other channels than {other}{_unlike(item.channels, model.channels)}",
+                f"{who} has other channels than {other}{_unlike(item.channels, model.channels)}",
                 remedy="signals of one preset, and series with the same channels in the same units",
                 code="E_DIMENSIONS",
             )
+
+
+def _called(name: str, item: Series) -> str:
+    """The place of an element, and where it comes from."""
+    source = item.source if isinstance(item, Signals) else ""
+    return f"{name} ({printable(source)})" if source else name
 
 
 def _unlike(own: Sequence[str], others: Sequence[str]) -> str:
@@ -214,16 +225,17 @@ def takes_parts(settings: Settings) -> bool:
     return settings.classify.separate and settings.dtw.mode == "dependent"
 
 
-def parts(channels: Sequence[str]) -> dict[str, list[int]]:
-    """Indices of the channels of each body part by its name, in the order of first appearance.
+def parts(channels: Sequence[str], settings: Settings) -> dict[str, list[int]]:
+    """Indices of the channels of each body part, or group, by its name, in the order of first appearance.
 
     A part is named like its channels without side, axis and member: ``right_wrist_x.energy`` and
-    ``left_wrist_y.energy`` are ``wrist.energy``, ``left_fingers/thumb_x`` is ``fingers``, and
-    ``acc/x[g].velocity`` is ``acc.velocity``.
+    ``left_wrist_y.energy`` are ``wrist.energy``, ``left_fingers/thumb_x`` is ``fingers``. Groups of sensors
+    keep their side: ``left_acc/x[g].velocity`` is ``left_acc.velocity``.
     """
     places: dict[str, list[int]] = {}
     for index, channel in enumerate(channels):
-        places.setdefault(_SIDE_OR_AXIS.sub("", channel), []).append(index)
+        name = channel if settings.signals.input == "channels" else _SIDE.sub("", channel)
+        places.setdefault(_AXIS.sub("", name), []).append(index)
     return places
 
 
@@ -238,7 +250,9 @@ class _Reading:
         self._name, self._kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)
         self._separate = takes_parts(settings)
         channels = series[0].channels
-        self._parts = list(parts(channels).values()) if self._separate else [list(range(len(channels)))]
+        self._parts = [list(range(len(channels)))]
+        if self._separate:
+            self._parts = list(parts(channels, settings).values())
         self._made: list[tuple[SignalBatch, Any]] = []
 
     def warped(self, queries: SignalBatch, extents: Extents) -> np.ndarray:

@@ -206,7 +206,8 @@ def channel_costs(
     groups = [dimensions[i : i + 1] for i in range(len(dimensions))]
     if takes_parts(settings):
         spec, one_sum = spec.replace(reduce="sum"), True
-        groups = [np.array([i for i in part if used[i]], np.int64) for part in parts(query.channels).values()]
+        members = parts(query.channels, settings).values()
+        groups = [np.array([i for i in part if used[i]], np.int64) for part in members]
     elif not one_sum:
         groups = [dimensions]
     shares = spec.replace(cost="squared") if spec.cost == "euclidean" else spec

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -76,18 +77,21 @@ def bench(
             rows.append((name, mark, *cells))
     frames = sum(len(item) for item in signals) / len(signals)
     width = signals[0].values.shape[1]
+    table = {
+        "machine": platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "series": len(signals),
+        "frames": frames,
+        "channels": width,
+        "dtw": {key: str(value) for key, value in asdict(spec).items()},
+        "auto": auto,
+        "kernels": timings,
+    }
     if out is not None:  # before anything is printed: a closed pipe must not cost it
-        table = {
-            "machine": platform.processor() or platform.machine(),
-            "cores": os.cpu_count(),
-            "series": len(signals),
-            "frames": frames,
-            "channels": width,
-            "dtw": {key: str(value) for key, value in asdict(spec).items()},
-            "auto": auto,
-            "kernels": timings,
-        }
         out.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+    if not sys.stdout.isatty():
+        print(json.dumps(table))
+        return 0
     print(f"{len(signals)} series, {frames:.0f} frames on average, {width} channels")
     columns = ("kernel", "", "pairs", "wall ms", "CPU µs / pair", "largest deviation")
     print_table(columns, rows, right=columns[2:])

@@ -98,6 +98,26 @@ def evaluate(
         )
     if out is not None:  # before anything is printed: a closed pipe must not cost it
         _write(result, out)
+    if sys.stdout.isatty():
+        _print(result)
+    else:
+        _print_lines(result)
+    _say_flaws(result)
+    return 3 if result.unreadable else 0
+
+
+def _print_lines(result: EvaluationResult) -> None:
+    """A line of JSON for each point of a grid, for the choice inside the folds, and last for what is best."""
+    from gesture_core.report.evaluation import summary
+
+    lines = [summary(one) for one in result.evaluations if one is not result.best]
+    if result.nested is not None:
+        lines.append(summary(result.nested) | {"choices": result.choices})
+    for line in [*lines, {"fingerprint": result.fingerprint} | summary(result.best)]:
+        print(json.dumps(line, ensure_ascii=False, allow_nan=False))
+
+
+def _print(result: EvaluationResult) -> None:
     if len(result.evaluations) > 1:
         _print_grid(result.evaluations)
     if result.nested is not None:
@@ -106,11 +126,10 @@ def evaluate(
             result.nested, f"chosen inside the training subjects of each fold ({'; '.join(choices)})"
         )
     best = result.best
-    _print_accuracy(best, ", ".join([f"preset {settings.preset}", *filter(None, [_point(best.changes)])]))
+    preset = f"preset {best.settings.preset}"
+    _print_accuracy(best, ", ".join([preset, *filter(None, [_point(best.changes)])]))
     _print_classes(best)
     _print_thresholds(best)
-    _say_flaws(result)
-    return 3 if result.unreadable else 0
 
 
 def _evaluate_events(sources: Sequence[str], annotations: Path) -> int:

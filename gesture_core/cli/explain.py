@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, validators
 
@@ -14,7 +16,7 @@ from gesture_core.errors import MissingDependencyError
 from gesture_core.files import printable
 
 if TYPE_CHECKING:
-    from gesture_core.classify.explanation import Explanation
+    from gesture_core.classify.explanation import Alignment, Explanation
     from gesture_core.records import Row
 
 _EXAMPLES_SHOWN = 6
@@ -73,7 +75,10 @@ def explain(
             explanation_plot(found.explanation, title, target, names, channels, strips, _facts(row))
         except MissingDependencyError as error:
             missing, strips = error, None
-    _print(found.row, found.explanation, channels)
+    if sys.stdout.isatty():
+        _print(found.row, found.explanation, channels)
+    else:
+        print(json.dumps(_record(found.row, found.explanation), ensure_ascii=False))
     if found.sided:
         say(mirroring_hint(found.sided))
     if missing and out:
@@ -96,6 +101,27 @@ def _facts(row: Row) -> str:
 def _when(row: Row) -> str:
     """Of an event, its number and its time."""
     return f", event {row.event} from {row.start:.2f} to {row.end:.2f} s" if row.event else ""
+
+
+def _record(row: Row, found: Explanation) -> dict[str, Any]:
+    """The row, what it was compared with and at which cost, and what each example adds, for programs."""
+    about = ("input", "person", "event", "label", "status", "code", "distance", "margin", "confidence")
+    return {
+        **{key: getattr(row, key) for key in about},
+        "nearest": _side(found.nearest),
+        "runner_up": found.runner_up and _side(found.runner_up),
+        "examples": [asdict(one) for one in found.contributions],
+        "members": dict(found.members),
+        "lead": found.lead,
+    }
+
+
+def _side(side: Alignment) -> dict[str, Any]:
+    channels = zip(side.query.channels, side.costs.tolist(), side.used, strict=True)
+    return {
+        **{key: getattr(side, key) for key in ("example", "label", "distance", "mirrored")},
+        "costs": {channel: cost for channel, cost, used in channels if used},
+    }
 
 
 def _print(row: Row, found: Explanation, channels: int) -> None:

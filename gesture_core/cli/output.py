@@ -159,15 +159,26 @@ def print_rows(rows: Iterable[Row], what: Table = "labels") -> None:
 
 
 def print_reasons(rows: Sequence[Row]) -> None:
-    """Why rows are not ``ok``, the worst first; rejections of one kind, and files left out, as one group."""
+    """Why rows are not ``ok``, the worst first; what several rows say once, rejections of one kind, and files
+    left out, as one group.
+    """
     flawed = sorted((row for row in rows if row.message), key=lambda row: _WORST.index(row.status))
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in flawed:
         groups.setdefault((row.status, row.code), []).append(row)
     grouped = {key for key, group in groups.items() if key[0] in ("rejected", "skipped") and len(group) > 1}
-    each = [row for row in flawed if (row.status, row.code) not in grouped]
-    for row in each[:_REASONS_SHOWN]:
-        print(f"{row.status} {row.code} {printable(row.message)}")
+    each: dict[tuple[str, str, str], list[Row]] = {}
+    for row in flawed:
+        if (row.status, row.code) not in grouped:
+            each.setdefault((row.status, row.code, row.message.removeprefix(f"{row.input}: ")), []).append(
+                row
+            )
+    for (status, code, text), alike in list(each.items())[:_REASONS_SHOWN]:
+        if len(alike) == 1:
+            print(f"{status} {code} {printable(alike[0].message)}")
+        else:
+            print(printable(f"{len(alike)} {status} {code} {text}"))
+            print(f"  {printable(named(list(dict.fromkeys(row.input for row in alike)), _REASONS_SHOWN))}")
     if len(each) > _REASONS_SHOWN:
         print(f"… and {counted(len(each) - _REASONS_SHOWN, 'more reason')} in the column 'message'")
     for key in groups:

@@ -92,7 +92,8 @@ def _size(pose: PoseSequence, points: np.ndarray) -> float:
         return 0.0
     extent = float(np.median((np.nanmax(several, axis=1) - np.nanmin(several, axis=1)).max(axis=1)))
     metres = pose.provenance.get("unit") == "metres"
-    if extent <= _POINT * max(1.0, float(np.nanmax(np.abs(several)))):
+    away = float(np.median(np.nanmax(np.abs(several), axis=(1, 2))))  # one wrong frame refuses no clip
+    if extent <= _POINT * max(1.0, away):
         raise _refused(
             pose, "all joints lie in one place", "another column for x and y, or --set keypoints.order=…"
         )

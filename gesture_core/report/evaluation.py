@@ -64,12 +64,11 @@ def rejection_plot(evaluation: Evaluation, path: Path) -> Path:
     return save(figure, path)
 
 
-def summary(evaluation: Evaluation, fingerprint: str) -> dict[str, Any]:
+def summary(evaluation: Evaluation) -> dict[str, Any]:
     """All numbers of an evaluation as plain values, fit for JSON: shares are 0 to 1, nothing is NaN."""
     columns, counts = evaluation.confusion()
     low, high = evaluation.interval
     return {
-        "fingerprint": fingerprint,
         "preset": evaluation.settings.preset,
         "changes": evaluation.changes,
         "settings": evaluation.settings.as_dict(),
@@ -124,7 +123,8 @@ def write_evaluation(evaluation: Evaluation, fingerprint: str, folder: Path) -> 
 
     numbers, answers = folder / "evaluation.json", folder / "answers.csv"
     with replacing(numbers) as temporary:
-        text = json.dumps(summary(evaluation, fingerprint), indent=1, allow_nan=False)
+        tree = {"fingerprint": fingerprint} | summary(evaluation)
+        text = json.dumps(tree, indent=1, allow_nan=False)
         temporary.write_text(text + "\n", "utf-8")
     columns = (
         "name", "subject", "fold", "label", "predicted", "right", "distance", "margin", "score", "confidence",

@@ -222,7 +222,7 @@ class Walk:
         if path.suffix.lower() in _MANIFESTS and path.is_file() and not self._is_text_of_keypoints(path):
             from gesture_core.run.tables import read_manifest
 
-            entries = read_manifest(path)
+            entries = None if self._may_be_video(path) else read_manifest(path)
         if entries is not None:
             for entry, label in entries:
                 if isinstance(entry, Path) and not exists(entry):
@@ -336,10 +336,10 @@ class Walk:
             reader, trouble = self._readers.of(path)
             if reader:
                 yield from self._members(path, reader)
+            elif self._may_be_video(path):
+                yield Input(path, name, "video", stamp=stamp)
             elif trouble:
                 yield _broken(path, *trouble)
-            elif self._may_be_video(path) and begins_as_video(path):
-                yield Input(path, name, "video")
             else:
                 yield Input(path, name, "other", fault=self._readers.why_not(path) if say_why else "")
 
@@ -351,12 +351,9 @@ class Walk:
         return named and not (suffix == ".ts" and is_text_of_series(path))
 
     def _may_be_video(self, path: Path) -> bool:
-        """Whether it is worth looking at the first bytes of a file that nobody reads by its name."""
-        suffix = path.suffix.lower()
-        return (
-            not self._readers.channels
-            and suffix not in COMPANIONS | PICTURE_SUFFIXES | SOUND_SUFFIXES | self._readers.suffixes
-        )
+        """Whether what no reader takes is a video by its first bytes, whatever it is called but sound."""
+        sound = path.suffix.lower() in SOUND_SUFFIXES
+        return not (sound or self._readers.channels) and begins_as_video(path)
 
     def _members(self, path: Path, reader: str) -> Iterator[Input]:
         name = printable(os.fspath(path))

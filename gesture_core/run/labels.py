@@ -269,34 +269,41 @@ class FolderLabels:
 
     def _check(self, items: Sequence[Input]) -> None:
         """Refuse labels that are parts of a data set, or people who perform."""
-        tree = [below for item in items if (below := _place(item, self._roots)[1])]
-        if not tree:
+        full = [below for item in items if (below := _place(item, self._roots)[1])]
+        if not full:
             return
-        top = {folders[0] for folders in tree}
-        depth = min(map(len, tree))
+        top = {folders[0] for folders in full}
+        # A folder that everything lies in (data/v1/clips) says nothing, wherever it stands.
+        levels = [n for n in range(min(map(len, full))) if len({folders[n] for folders in full}) > 1]
+        tree = [tuple(folders[n] for n in levels) for folders in full]
+        first = 0 if len(top) == 1 else 1
         parts = _are_parts(top)
-        level = 1
-        while level + 1 < depth and len({folders[: level + 1] for folders in tree}) == 1:
-            level += 1  # one folder in another: data/v1/clips/<label>
-        seen = range(level - 1, depth - 1 if level > 1 else min(depth - 1, 1))
-        if not parts and not any(_repeats(tree, place) for place in seen):
-            _warn_of_levels(tree)
+        alone = len(top) == 1 and bool(levels) and _numbered(tree, 0) is None
+        if not parts and not alone and not (levels[1:] and _repeats(tree, 0)):
+            _warn_of_levels(full)
             return
-        while level + 1 < depth and (_numbered(tree, level) is not None or _repeats(tree, level)):
-            level += 1
-        what = (
-            f"{_listed(top)} look like {'parts of a data set' if parts else 'people or places'}, not labels"
-        )
+        kind = "parts of a data set" if parts else "people or places"
+        what = f"{_listed(top)} look like {kind}, not labels"
+        if len(top) == 1:
+            what = f"everything lies in {_listed(top)}, which looks like no label"
         anyway = f"--labels folder:0 if {_listed(top)} are the labels"
-        if level >= depth:
+        likely = first
+        while likely + 1 < len(levels) and (_numbered(tree, likely) is not None or _repeats(tree, likely)):
+            likely += 1
+        if likely >= len(levels):
             raise ConfigError(
                 what, remedy=f"--labels with a table or a regular expression, or {anyway}", code="E_LABELS"
             )
-        names = _listed({folders[level] for folders in tree})
-        number = -1 if {len(folders) for folders in tree} == {level + 1} else level
+        names = _listed({folders[likely] for folders in tree})
+        remedies = []
+        for place in sorted(range(first, len(levels)), key=lambda n: n != likely):
+            there = {folders[place] for folders in tree}
+            last = {len(folders) for folders in full} == {levels[place] + 1}
+            if place == likely or not (_are_parts(there) or _numbered(tree, place) is not None):
+                remedies.append(f"--labels folder:{-1 if last else levels[place]} for {_listed(there)}")
         raise ConfigError(
             f"{what}; below {'it' if len(top) == 1 else 'each of them'} lie folders such as {names}",
-            remedy=f"--labels folder:{number} for {names}; {anyway}",
+            remedy="; ".join([*remedies, anyway]),
             code="E_LABELS",
         )
 
@@ -363,8 +370,10 @@ def _warn_of_levels(tree: Sequence[Folders]) -> None:
     plain = {folders[0] for folders in tree if len(folders) == 1}
     for name in {folders[0] for folders in tree} - plain if plain else ():
         below = [folders for folders in tree if folders[0] == name]
-        if len({folders[1] for folders in below}) > 1 and _numbered(below, 1) is None:
-            inside = _listed({folders[1] for folders in below})
+        levels = range(1, min(map(len, below)))
+        level = next((n for n in levels if len({folders[n] for folders in below}) > 1), None)
+        if level is not None and _numbered(below, level) is None:
+            inside = _listed({folders[level] for folders in below})
             text = f"{printable(name)} holds the folders {inside}, where other labels hold clips: "
             warnings.warn(f"{text}if these are labels, --labels folder:-1", stacklevel=5)
 

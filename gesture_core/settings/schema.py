@@ -111,7 +111,7 @@ class SignalSettings(_Section):
     min_seen : float
         Share of frames in which a joint must be seen to count as present.
     min_frames : int
-        Frames with a pose that a sequence needs to be classified at all.
+        Frames with a pose, or samples of a sensor, that a sequence needs to be classified at all.
     normalizer : str
         Name of the plugin that puts coordinates into the body's own frame of reference.
     filters : tuple of str

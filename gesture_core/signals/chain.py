@@ -51,7 +51,7 @@ class Chain:
         be compared with them (the paper's union of both selections), but a person who stands
         still is then given the label of some gesture.
     repair : bool
-        Mend single wrong frames first, see `gesture_core.signals.repair`; in two dimensions.
+        Mend single wrong frames first, see `gesture_core.signals.repair`.
     fps : float
         Samples per second of arrays without times.
     """
@@ -157,8 +157,7 @@ class Chain:
         name = self.skeleton
         if name != COCO18.name:  # joints that are not compared need no repair
             pose = pose.onto(name)
-        plane = pose.keypoints.shape[2] == 2
-        pose, frames = repaired(pose) if self.repair and plane else (pose, 0)
+        pose, frames = repaired(pose) if self.repair else (pose, 0)
         share = frames / max(len(pose), 1)
         pose = require_pose(pose.onto(name), self.gaps)
         joints, _ = fill_gaps(pose.keypoints, pose.times, self.gaps)

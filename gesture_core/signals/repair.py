@@ -134,7 +134,7 @@ def repaired(pose: PoseSequence) -> Repair:
     trembling, wrong = _trembling(known / length), np.zeros(zero.shape, bool)
     for some in _together(*zero.shape):
         points = _places(keypoints, some, length)
-        away = np.nan_to_num(np.abs(points - neck[:, None] / length)) * trembling
+        away = np.nan_to_num(_length(points - neck[:, None] / length)) * trembling
         wrong[:, some] = _jumps(points, scores[:, some], pose.times, away)
     frames = int((turned | wrong).any(axis=1).sum())
     if not (frames or zero.any()):
@@ -150,17 +150,29 @@ def _together(frames: int, joints: int) -> list[np.ndarray]:
 
 
 def _places(keypoints: np.ndarray, joints: np.ndarray, length: float) -> np.ndarray:
-    """Places in torso lengths as complex numbers: their differences have a length and no second axis."""
-    return (np.take(keypoints, joints, axis=1) / np.float64(length)).view(np.complex128)[..., 0]
+    """Places in torso lengths."""
+    places: np.ndarray = np.take(keypoints, joints, axis=1) / np.float64(length)
+    return places
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    """(...) lengths of (..., 2 or 3) vectors."""
+    plane: np.ndarray = np.hypot(vectors[..., 0], vectors[..., 1])
+    return plane if vectors.shape[-1] == 2 else np.hypot(plane, vectors[..., 2])
+
+
+def _at(points: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """(..., 2 or 3) where each joint was in its (...) ``frames``."""
+    return np.take_along_axis(points, frames[..., None], axis=0)
 
 
 def _torso(pose: PoseSequence) -> tuple[np.ndarray, np.ndarray]:
-    """(T,) middle of the shoulders, complex, and (T,) length of the torso; NaN where they are not seen."""
+    """(T, 2 or 3) middle of the shoulders, and (T,) length of the torso; NaN where they are not seen."""
     body = skeleton(pose.skeleton)
     names = ("right_shoulder", "left_shoulder", "right_hip", "left_hip")
     joints = pose.keypoints[:, [body.index(name) for name in names]].astype(np.float64)
-    right, left, right_hip, left_hip = joints.view(np.complex128)[..., 0].T
-    down, across = np.abs(right + left - right_hip - left_hip) / 2, np.abs(right - left) / SHOULDERS
+    right, left, right_hip, left_hip = joints.swapaxes(0, 1)
+    down, across = _length(right + left - right_hip - left_hip) / 2, _length(right - left) / SHOULDERS
     return (right + left) / 2, np.fmax(down, across)
 
 
@@ -180,8 +192,8 @@ def placeholders(pose: PoseSequence) -> np.ndarray:
 
 def _last_seen(points: np.ndarray) -> np.ndarray:
     """For each frame the one in which each joint was last seen; the first frame where it was not yet."""
-    frames = np.arange(len(points)).reshape(-1, *[1] * (points.ndim - 1))
-    last: np.ndarray = np.maximum.accumulate(np.where(np.isnan(points), 0, frames), axis=0)
+    frames = np.arange(len(points)).reshape(-1, *[1] * (points.ndim - 2))
+    last: np.ndarray = np.maximum.accumulate(np.where(np.isnan(points[..., 0]), 0, frames), axis=0)
     return last
 
 
@@ -196,8 +208,8 @@ def _exchanged(keypoints: np.ndarray, length: float, times: np.ndarray, others: 
         for some in _together(len(times), len(own)):
             sides = _places(keypoints, pairs[:, some], length)
             last = _last_seen(sides)
-            sides = np.take_along_axis(sides, last, axis=0)
-            saved[:, some] = _saved(np.where(whole[:, None, None], sides[:, ::-1], sides))
+            sides = _at(sides, last)
+            saved[:, some] = _saved(np.where(whole[:, None, None, None], sides[:, ::-1], sides))
             ago = (times[1:, None, None] - times[last[:-1]]).max(axis=1)
             fading[:, some] = np.maximum(ago / TENTH, 1)
 
@@ -217,16 +229,16 @@ def _exchanged(keypoints: np.ndarray, length: float, times: np.ndarray, others: 
 
 
 def _saved(sides: np.ndarray) -> np.ndarray:
-    """(T - 1, P) by how much the ways of a pair's (T, 2, P) places are shorter to the other's next one.
+    """(T - 1, P) by how much the ways of pairs' (T, 2, P, 2 or 3) places are shorter to the other's next one.
 
     A way that goes on as the joint moved before, or as it will move after, counts as none: hands that cross
     go on, those that are confused do not.
     """
     steps = np.diff(sides, axis=0)
-    ways, turns = np.abs(steps), np.abs(np.diff(steps, axis=0))
+    ways, turns = _length(steps), _length(np.diff(steps, axis=0))
     ways[1:] = np.fmin(ways[1:], turns)
     ways[:-1] = np.fmin(ways[:-1], turns)
-    across = np.abs(sides[1:] - sides[:-1, ::-1])
+    across = _length(sides[1:] - sides[:-1, ::-1])
     saved: np.ndarray = np.nan_to_num((ways - across).sum(axis=1))
     return saved
 
@@ -254,8 +266,8 @@ def _cheapest(gains: np.ndarray, held: np.ndarray) -> np.ndarray:
 
 def _jumps(points: np.ndarray, scores: np.ndarray, times: np.ndarray, trembling: np.ndarray) -> np.ndarray:
     """(T, J) bool: joints that are off their way for a few frames; the (T, J) ``trembling`` is no jump."""
-    out, last = np.zeros(points.shape, bool), _last_seen(points)
-    steps = np.abs(np.diff(np.take_along_axis(points, last, axis=0), axis=0))
+    out, last = np.zeros(points.shape[:2], bool), _last_seen(points)
+    steps = _length(np.diff(_at(points, last), axis=0))
     if not (steps > LEAST_SURE * JUMP).any():
         return out
     sure = np.clip(scores / np.maximum(np.median(scores, axis=0), 1e-3), LEAST_SURE, 1)
@@ -263,7 +275,7 @@ def _jumps(points: np.ndarray, scores: np.ndarray, times: np.ndarray, trembling:
     trembling = np.minimum(trembling[1:], trembling[:-1])
     wide = steps > JUMP * np.minimum(sure[1:], sure[:-1]) + trembling
     for joint in np.flatnonzero(wide.any(axis=0)):
-        seen = np.flatnonzero(~np.isnan(points[:, joint]))
+        seen = np.flatnonzero(~np.isnan(points[:, joint, 0]))
         if len(seen) < 3:
             continue
         more = trembling[np.minimum(seen, len(steps) - 1), joint]
@@ -272,14 +284,14 @@ def _jumps(points: np.ndarray, scores: np.ndarray, times: np.ndarray, trembling:
 
 
 def _off_its_way(track: np.ndarray, sure: np.ndarray, times: np.ndarray, more: np.ndarray) -> np.ndarray:
-    """(T,) bool: frames of one joint's (T,) track in which it is elsewhere than before and after.
+    """(T,) bool: frames of one joint's (T, 2 or 3) track in which it is elsewhere than before and after.
 
     ``sure`` are the (T,) confidences over their median, at most 1, which scale what a jump needs; ``more`` is
     what it needs besides.
     """
     from scipy.ndimage import percentile_filter
 
-    steps, gaps = np.abs(np.diff(track)), np.diff(times)
+    steps, gaps = _length(np.diff(track, axis=0)), np.diff(times)
     near = round(AROUND * len(gaps) / max(float(times[-1] - times[0]), 1e-3))
     share = min(USUAL, max(100 - 250 / len(steps), 0))  # of few steps, two are those of one jump
     usual = percentile_filter(steps, share, 2 * min(near, len(steps)) + 1, mode="reflect")
@@ -288,7 +300,7 @@ def _off_its_way(track: np.ndarray, sure: np.ndarray, times: np.ndarray, more: n
     limits = np.minimum(limits, REACH * np.append(np.maximum(gaps / TENTH, 1), 1))
     kept = np.arange(len(track))
     while len(kept) > 2:
-        steps = np.abs(np.diff(track[kept]))
+        steps = _length(np.diff(track[kept], axis=0))
         wide = np.flatnonzero(steps > limits[kept[:-1]])
         if len(wide) < 2:
             break
@@ -297,7 +309,7 @@ def _off_its_way(track: np.ndarray, sure: np.ndarray, times: np.ndarray, more: n
         there = back < len(wide)
         out, back = wide[:, None], wide[np.minimum(back, len(wide) - 1)]
         before, after = kept[out], kept[back + 1]
-        away = np.minimum(steps[out], steps[back]) - np.abs(track[after] - track[before])
+        away = np.minimum(steps[out], steps[back]) - _length(track[after] - track[before])
         limit = np.maximum(limits[before], limits[after - 1])
         found = there & (away > limit) & (times[after] - times[before] <= LONGEST + _ROUNDING)
         if not found.any():
@@ -319,9 +331,9 @@ def _wrong_at_start(track: np.ndarray, limits: np.ndarray, times: np.ndarray) ->
     """How many frames at the start of a track, which may run backwards, are off the way that follows."""
     near = int(np.count_nonzero(np.abs(times - times[0]) <= LONGEST + _ROUNDING)) - 1
     most = min(near, (len(track) - 1) // 2)
-    steps = np.diff(track[: most + 2])
+    steps = np.diff(track[: most + 2], axis=0)
     gaps = np.abs(np.diff(times[: most + 1]))
     limits = np.minimum(END * limits[:most], REACH * np.maximum(gaps / TENTH, 1))
-    wrong = np.flatnonzero(np.abs(steps[:most]) > limits)
-    wrong = wrong[np.abs(steps[wrong + 1] - steps[wrong]) > limits[wrong]]
+    wrong = np.flatnonzero(_length(steps[:most]) > limits)
+    wrong = wrong[_length(steps[wrong + 1] - steps[wrong]) > limits[wrong]]
     return int(wrong[-1]) + 1 if len(wrong) else 0

@@ -86,9 +86,12 @@ def test_separate_warpings_add_up(seed: int, reduce: str) -> None:
 
 
 def test_parts_are_told_by_names() -> None:
-    assert parts(CHANNELS) == {"wrist": [0, 1], "wrist.energy": [2], "nose@0.5": [3]}
+    modern, sensors = (load_settings(name, environment={}) for name in ("modern", "sensors"))
+    assert parts(CHANNELS, modern) == {"wrist": [0, 1], "wrist.energy": [2], "nose@0.5": [3]}
     others = ("left_forearm.turning", "right_elbow_y@1", "right_upper_arm_x.direction@0.5")
-    assert list(parts(others)) == ["forearm.turning", "elbow@1", "upper_arm.direction@0.5"]
+    assert list(parts(others, modern)) == ["forearm.turning", "elbow@1", "upper_arm.direction@0.5"]
+    watches = ("left_acc/x[g]", "right_acc/x[g]", "left_acc/y[g]", "left_acc/x[g].velocity")
+    assert parts(watches, sensors) == {"left_acc": [0, 2], "right_acc": [1], "left_acc.velocity": [3]}
 
 
 @pytest.mark.parametrize("separate", [False, True])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,9 @@ from gesture_core.plugin import registry
 
 
 def test_own_data_are_timed_and_the_choice_is_printed_and_recorded(
-    drawn: DemoArchive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    drawn: DemoArchive, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     out = tmp_path / "bench.json"
     flags = KernelFlags(kernel="numpy", preset="paper")
     assert bench(str(drawn.example_keypoints), flags=flags, series=4, out=out) == 0
@@ -30,7 +32,10 @@ def test_own_data_are_timed_and_the_choice_is_printed_and_recorded(
     assert timing["wall_seconds"] > 0 and timing["cpu_seconds_per_pair"] >= 0
 
 
-def test_an_approximation_is_named_but_not_timed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_approximation_is_named_but_not_timed(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     assert bench(flags=KernelFlags(kernel="fastdtw"), series=3) == 0
     assert "fastdtw" in (printed := capsys.readouterr().out)
     assert "not timed" in printed or "does not compute" in printed

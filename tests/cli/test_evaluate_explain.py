@@ -10,12 +10,13 @@ import sqlite3
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from distributions import gesture, make_distribution
 
-from gesture_core.cli.main import run
+from gesture_core.cli.main import run as run_command
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
 
@@ -40,6 +41,14 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
             (folder / label).mkdir(exist_ok=True)
             np.save(folder / label / f"{label}_{subject}.npy", stacked)
     return folder
+
+
+def run(words: list[str]) -> int:
+    """Run a command as on a terminal, where it says text."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys.stdout, "isatty", lambda: True)
+        patch.setenv("COLUMNS", "240")
+        return run_command(words)
 
 
 def test_evaluate_prints_and_saves_everything(
@@ -371,12 +380,31 @@ def test_left_and_right_of_one_name_are_said_by_every_command(
     assert (tmp_path / "up.png").is_file(), "--out without a suffix is a picture all the same"
 
 
-def test_scores_of_events_are_json_through_a_pipe(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_a_pipe_gets_json(
+    archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from gesture_core.spot.evaluation import score_events
 
+    def lines(*words: str) -> list[dict[str, Any]]:
+        assert run_command(list(words)) == 0
+        return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+    grid = ["--subjects", "_([A-Z])", "--grid", "t_var=0.01,0.05", "--out", str(tmp_path)]
+    *others, best = lines("evaluate", str(archive), "--preset", "paper", *grid)
+    assert best == json.loads((tmp_path / "evaluation.json").read_text())
+    assert [line["changes"] for line in (best, others[0])] == [{"t_var": "0.01"}, {"t_var": "0.05"}]
+    assert len(others) == 2 and set(others[1]["choices"]) == {*"ABC"}
+    out = str(tmp_path / "run")
+    lines("classify", str(archive), "--examples", str(archive), "--out", out, "--kernel", "numpy")
+    (why,) = lines("explain", out, "up_A.npy")
+    assert (
+        (why["label"], why["nearest"]["label"]) == ("up", "up") != (why["label"], why["runner_up"]["label"])
+    )
+    for side in (why["nearest"], why["runner_up"]):
+        assert sum(side["costs"].values()) == pytest.approx(side["distance"], rel=1e-3, abs=1e-6)
+    assert sum(one["added"] for one in why["examples"]) == pytest.approx(why["members"]["weighed"], rel=1e-3)
+    (timed,) = lines("bench", "--kernel", "numpy", "--series", "2")
+    assert [one["kernel"] for one in timed["kernels"]] == ["numpy"]
     monkeypatch.setattr("gesture_core.run.annotations.evaluate_events", lambda *_: score_events([], [], 60.0))
-    assert run(["evaluate", str(tmp_path), "--events", str(tmp_path)]) == 0
-    tree = json.loads(capsys.readouterr().out)
+    (tree,) = lines("evaluate", str(tmp_path), "--events", str(tmp_path))
     assert (tree["reported"], tree["annotated"], tree["minutes"]) == (0, 0, 1.0)

@@ -66,12 +66,13 @@ def test_other_commands_take_all_sources_too(
     assert len(capsys.readouterr().out.splitlines()) == 3
     assert main.run(["bench", str(places["a"]), str(places["b"]), "--kernel", "numpy"]) == 0
     said = capsys.readouterr()
-    assert "2 series" in said.out
+    assert json.loads(said.out)["series"] == 2
     labels = [str(path) for place in ("ex0", "ex1") for path in sorted(places[place].iterdir())]
     one_each = ["--labels", r"/([a-z-]+)/[0-9]+$", "--protocol", "leave-one-out", *PLAIN]
     assert main.run(["evaluate", *labels, *one_each, "--grid", "t_var=0.01,0.1"]) == 0
     said = capsys.readouterr()
-    assert "0 of 6 right" in said.out and "6 of 6 tests cannot be right" in said.err
+    best = json.loads(said.out.splitlines()[-1])
+    assert (best["right"], best["tested"]) == (0, 6) and "6 of 6 tests cannot be right" in said.err
     assert json.loads(said.err.splitlines()[1])["sources"] == labels
 
 

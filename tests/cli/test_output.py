@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from rich.console import Console
 
@@ -64,8 +66,20 @@ def test_reasons_stand_below_the_worst_first(capsys: pytest.CaptureFixture[str])
     first, second = capsys.readouterr().out.splitlines()
     assert first == "error E_MEDIA_BROKEN in/c\\x1b[2J.mp4: no"
     assert second == "skipped E_NOT_AN_INPUT in/b.mp4: neither"
-    print_reasons(rows()[2:] * 30)
+    print_reasons([replace(row, message=f"{n}") for n in range(30) for row in rows()[2:]])
     assert "… and 10 more reasons" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_what_several_rows_say_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
+    other = [
+        Row(f"q/{n}.csv", status="error", code="E_DIMENSIONS", message=f"q/{n}.csv: has no z") for n in "abc"
+    ]
+    print_reasons([*other, replace(other[0], person=1), replace(other[2], message="q/c.csv: has no x")])
+    assert capsys.readouterr().out.splitlines() == [
+        "4 error E_DIMENSIONS has no z",
+        "  q/a.csv, q/b.csv, q/c.csv",
+        "error E_DIMENSIONS q/c.csv: has no x",
+    ]
 
 
 def test_rows_without_a_label_for_one_reason_are_one_group(capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,6 +24,7 @@ from gesture_core.demo.archive import DemoArchive
 from gesture_core.errors import ConfigError
 from gesture_core.plugin.hooks import KINDS
 from gesture_core.plugin.template import write_plugin
+from gesture_core.settings import Settings
 from gesture_core.signals.mirror import mirrored
 from gesture_core.testing import checks_for
 from gesture_core.types import Signals
@@ -153,7 +154,7 @@ def test_its_filter_adds_channels_that_know_their_side(
     other = mirrored(fast)
     np.testing.assert_array_equal(other.values[:, 6], fast.values[:, 5])
     np.testing.assert_allclose(speed_filter().apply(mirrored(signals)).values, other.values, atol=1e-6)
-    assert parts(fast.channels[5:]) == {"wrist.speed": [0, 1]}
+    assert parts(fast.channels[5:], Settings()) == {"wrist.speed": [0, 1]}
 
 
 @pytest.mark.slow

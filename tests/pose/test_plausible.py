@@ -73,6 +73,19 @@ def test_what_can_be_no_person_is_refused_with_the_option_that_helps(kind: str) 
     assert check_plausible(read(points, **helps)) == []
 
 
+@pytest.mark.parametrize("unit", ["pixels", "shares"])
+@pytest.mark.parametrize("value", [1e9, -999.0, 500.0])
+def test_one_wrong_frame_decides_neither_the_unit_nor_the_clip(unit: str, value: float) -> None:
+    points = person() / ([640, 480] if unit == "shares" else 1)
+    clean = read(points)
+    for joints in (slice(9, 10), slice(None)):
+        wrong = points.copy()
+        wrong[12, joints] = value
+        found = read(wrong)
+        assert check_plausible(found) == check_plausible(clean) == []
+        np.testing.assert_allclose(found.keypoints[13], clean.keypoints[13], rtol=1e-6)
+
+
 def test_a_body_of_no_size_is_refused() -> None:
     with pytest.raises(KeypointError, match="one place"):
         check_plausible(read(np.full((FRAMES, 17, 2), 7.0)))

@@ -52,6 +52,29 @@ def two(above: tuple[str, ...], below: tuple[str, ...] = GESTURES) -> tuple[str,
         (two(("train/p1", "train/p2", "test/p3")), "--labels folder:-1 for circle"),
         (two(two(("train", "test")), ("cam1", "cam2")), "--labels folder:1 for circle"),
         (two(GESTURES, ("indoor", "outdoor")), "--labels folder:0 if circle, clap, wave"),
+        (
+            two(two(("data/v1",), ("anna", "ben"))),
+            "folder:-1 for circle, clap, wave; --labels folder:2 for anna",
+        ),
+        (
+            two(two(("anna", "ben"), ("data/v1",))),
+            "--labels folder:-1 for circle, clap, wave; --labels folder:0",
+        ),
+        (two(two(("p1", "p2"), ("clips",))), "--labels folder:-1 for circle, clap, wave; --labels folder:0"),
+        (
+            two(two(("data",), ("anna", "ben")), ("v1/circle", "v1/clap")),
+            "--labels folder:-1 for circle, clap",
+        ),
+        (two(("data/v1", "data/v2")), "--labels folder:-1 for circle, clap, wave; --labels folder:0 if data"),
+        (
+            two(two(("anna", "ben")), ("rgb", "depth")),
+            "--labels folder:1 for circle, clap, wave; --labels folder:0",
+        ),
+        (
+            two(two(("data/v1",)), ("anna", "ben")),
+            "--labels folder:2 for circle, clap, wave; --labels folder:0",
+        ),
+        (two(two(("anna", "ben")), ("v1",)), "--labels folder:1 for circle, clap, wave; --labels folder:0"),
         (("train", "test"), "a table or a regular expression, or --labels folder:0 if test, train"),
     ],
 )
@@ -133,6 +156,11 @@ def test_labels_on_several_levels_are_said(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="s1 holds the folders circle, clap, where other labels hold clips"):
         assert labels("folder", root) == {"s1", "wave", "nod"}
     assert labels("folder:-1", root) == {"circle", "clap", "wave", "take1", "take2"}
+    deeper = archive(tmp_path / "deeper", "data/v1/circle", "data/v1/clap", "wave")
+    with pytest.warns(
+        UserWarning, match="data holds the folders circle, clap, where other labels hold clips"
+    ):
+        labels("folder", deeper)
 
 
 def test_what_systems_and_disks_keep_is_no_label(tmp_path: Path) -> None:

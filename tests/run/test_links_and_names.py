@@ -131,15 +131,21 @@ def test_pointers_are_told_from_content(tmp_path: Path) -> None:
         open_video(tmp_path / "b.mp4")
 
 
-NAMES = ("wave_0", "a.lrv", "b.insv", "c.mod", "d.divx", "e.mp4.part", "f.mp4 ", "g.mp4.1", "h.JSV", "i.dat")
+NAMES = (
+    "wave_0", "a.lrv", "b.insv", "c.mod", "d.divx", "e.mp4.part", "f.mp4 ", "g.mp4.1", "h.JSV", "i.dat",
+    "j.json", "k.csv", "l.JPG", "m.txt", "n.npz", "o.parquet", "p.xml", "q.csv.gz", "r.zip", "s.mat",
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_video_is_one_under_any_name(drawn: DemoArchive, tmp_path: Path, name: str) -> None:
-    shutil.copy(drawn.videos / "clip_01.mp4", tmp_path / name)
-    assert one(tmp_path / name).kind == one(tmp_path).kind == "video"
-    (tmp_path / "list.txt").write_text(f"{name}\n")
-    assert [item.kind for item in discover([tmp_path / "list.txt"])] == ["video"]
+def test_a_video_is_one_under_any_name(drawn: DemoArchive, tmp_path: Path) -> None:
+    folder = tmp_path / "clips"
+    folder.mkdir()
+    for name in NAMES:
+        shutil.copy(drawn.videos / "clip_01.mp4", folder / name)
+    (tmp_path / "list.txt").write_text("".join(f"clips/{name}\n" for name in NAMES))
+    for sources in ([folder], [folder / name for name in NAMES], [tmp_path / "list.txt"]):
+        found = {item.path.name: item.kind for item in discover(sources)}
+        assert found == dict.fromkeys(NAMES, "video")
 
 
 def test_streams_without_a_container_are_known_by_their_first_unit(tmp_path: Path) -> None:
@@ -187,6 +193,8 @@ def test_a_file_of_a_video_cd_is_a_video(tmp_path: Path) -> None:
         ("song.m4a", b"\0\0\0\x18ftypisom" + bytes(64)),
         ("sound", b"OggS" + bytes(24) + b"\x01vorbis" + bytes(64)),
         ("LICENSE", b"The free software, and no box of that size"),
+        ("notes.txt", b"the free software, and no box of that size" * 100),
+        ("data.json", b'{"a"free' + bytes(64)),
         ("thumb.jpg", b"\xff\xd8\xff\xe0" + bytes(64)),
         ("Makefile", b"GNU = make\n" * 40),
         ("nothing", b""),

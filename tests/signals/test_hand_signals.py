@@ -103,7 +103,7 @@ def test_fingers_have_one_warping() -> None:
     settings = load_settings("hands", ["hands.face=true"], environment={})
     signals = replace(Chain.from_settings(settings), filters=())(draw_whole(WHOLE.name))
     made = Parts({"fingers": 1.0, "fingers.bend": 1.0, "index_end": 1.0, "lips": 1.0}).apply(signals)
-    found = parts(made.channels)
+    found = parts(made.channels, settings)
     assert {part: len(channels) for part, channels in found.items()} == {
         "fingers": 20, "fingers.bend": 20, "index_end": 4, "lips": 2,
     }  # fmt: skip

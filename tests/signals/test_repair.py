@@ -90,6 +90,25 @@ def test_bad_frames_leave_the_signals_nearly_as_they_were(
     assert np.abs(found.values - clean.values).max() < 0.15 * np.abs(clean.values).max()
 
 
+def nearer(points: np.ndarray, frames: list[int]) -> None:
+    """The right wrist right in the picture, and two torso lengths before it."""
+    points[frames, J["right_wrist"], 2] -= 2 * TORSO
+
+
+@pytest.mark.parametrize("frames", [[0], [39], [3, 20, 33], [18, 19, 20]], ids=str)
+@pytest.mark.parametrize("damage", [nearer, swap("wrist"), swap_all, to_zero])
+def test_the_same_holds_in_three_dimensions(damage: Damage, frames: list[int]) -> None:
+    whole = Chain.from_settings(load_settings("depth", environment={}))
+    plane = moving()
+    depth = 40 * np.sin(np.linspace(0, 3, 40)[:, None] + np.arange(18)) + 900
+    points = np.concatenate([plane, depth[..., None]], axis=2)
+    clean = whole(PoseSequence(points, np.ones((40, 18)), np.arange(40) / 25))
+    assert clean.repaired == 0
+    damage(points, frames)
+    found = whole(PoseSequence(points, np.ones((40, 18)), np.arange(40) / 25))
+    assert np.abs(found.values - clean.values).max() < 0.15 * np.abs(clean.values).max()
+
+
 @pytest.mark.parametrize("frames", [[0], [0, 1, 2], [39], [4, 15, 27]], ids=str)
 def test_a_file_that_trembles_shows_a_jump_as_well(frames: list[int]) -> None:
     """Each frame is measured by its own shoulders, as some files are: all lengths tremble by a fifth."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -140,7 +141,8 @@ def test_an_event_is_explained_by_its_example(
         assert abs(near.query.times[0] - row.start) < 0.06 and abs(near.query.times[-1] - row.end) < 0.06
         assert far is None or (far.label != row.label and far.distance > near.distance)
     assert gesture(["explain", str(out), "six.npz", "--event", "2"]) == 0
-    assert f"{rows[1].label}, event 2 from" in capsys.readouterr().out
+    why = json.loads(capsys.readouterr().out)
+    assert (why["label"], why["event"]) == (rows[1].label, 2)
     assert len(list(out.glob("explain-*event2*.png"))) == 1
     assert gesture(["explain", str(out), "six.npz", "--event", "99"]) == 2
     assert f"--event 1 to {len(rows)}" in capsys.readouterr().err

@@ -23,7 +23,7 @@ from gesture_pose_files.columns import FRAMES, columns_of
 from gesture_pose_files.csv_table import CsvReader
 from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES, suffix_of
 from gesture_pose_files.json_people import SCORES
-from gesture_pose_files.json_text import described, kind_of, load, load_lines
+from gesture_pose_files.json_text import described, kind_of, load, load_head, load_lines
 from gesture_pose_files.layout import flat_widths
 from gesture_pose_files.numbering import number_in
 
@@ -71,13 +71,16 @@ class JsonTableReader(CsvReader):
         return kind != "list" and not (kind == "frame" and number_in(path.name)) and self._is_clip(path)
 
     def _is_clip(self, path: Path) -> bool:
-        try:
-            names, _, options = self._table(path)
-            return columns_of(names, options, printable(path)) is not None
-        except KeypointError as error:
-            if error.code == "E_KEYPOINTS_SKELETON":
-                raise
-            return False
+        """By how it begins where that is enough."""
+        for head in (True, False):
+            try:
+                names, _, options = self._table(path, head=head)
+                if columns_of(names, options, printable(path)) is not None:
+                    return True
+            except KeypointError as error:
+                if error.code == "E_KEYPOINTS_SKELETON" and not head:
+                    raise
+        return False
 
     def refusal(self, path: Path) -> str:
         """What a file of JSON lines begins with; of JSON, others say it."""
@@ -97,10 +100,10 @@ class JsonTableReader(CsvReader):
         rows = ([_cell(record.get(name)) for name in names] for record in records)
         return replace(self, options=options)._named(names, columns, rows, source)
 
-    def _table(self, path: Path) -> tuple[list[str], list[Record], ReadOptions]:
-        """The names of the columns, the rows, and the options with what the file says."""
+    def _table(self, path: Path, *, head: bool = False) -> tuple[list[str], list[Record], ReadOptions]:
+        """The names of the columns, the rows, and the options with what the file says; by its ``head``."""
         source = printable(path)
-        clip = _clip(self._tree(path))
+        clip = _clip(self._tree(path, head=head))
         if clip is None or not clip.frames:
             raise KeypointError("holds no frames", subject=source, code="E_KEYPOINTS_FORMAT")
         if len(clip.frames) > MAX_FRAMES:
@@ -114,14 +117,14 @@ class JsonTableReader(CsvReader):
         records = [record for number, frame in clip.frames for record in _records(number, frame, options)]
         return list(dict.fromkeys(name for record in records for name in record)), records, options
 
-    def _tree(self, path: Path) -> Any:
+    def _tree(self, path: Path, *, head: bool = False) -> Any:
         if suffix_of(path) == ".json":
             try:
-                return load(path, MAX_LIST_BYTES)
+                return load_head(path) if head else load(path, MAX_LIST_BYTES)
             except KeypointError as error:
                 if error.code != "E_KEYPOINTS_JSON":
                     raise  # lines of JSON may be called .json as well
-        return load_lines(path, MAX_LIST_BYTES)
+        return load_lines(path, MAX_LIST_BYTES, head=head)
 
 
 def _cell(value: Any) -> str:

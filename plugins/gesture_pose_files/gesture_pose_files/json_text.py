@@ -33,8 +33,36 @@ def load(path: Path, max_bytes: int) -> Any:
         return _parsed(file.read(max_bytes + 1), printable(path))
 
 
-def load_lines(path: Path, max_bytes: int) -> list[Any]:
-    """The trees in the lines of the file ``path``, those that are blank left out.
+def load_head(path: Path) -> Any:
+    """The tree of what the JSON file ``path`` begins with, closed behind the last item that is whole.
+
+    Raises
+    ------
+    KeypointError
+        As `load`.
+    """
+    data = head_of(path, _HEAD_BYTES)
+    return _parsed(_closed(data) if len(data) == _HEAD_BYTES else data, printable(path))
+
+
+def _closed(data: bytes) -> bytes:
+    """The beginning of a JSON text up to its last comma that is not deep inside, and what closes it there."""
+    codes = np.frombuffer(_STRING.sub(lambda found: b" " * len(found[0]), data), np.uint8)
+    steps = _steps(codes)
+    commas = np.flatnonzero((codes == 0x2C) & (np.cumsum(steps, dtype=np.int32) <= 2))
+    if not len(commas):
+        return data
+    still_open = bytearray()
+    for place in np.flatnonzero(steps[: commas[-1]]):
+        if steps[place] > 0:
+            still_open.append(codes[place] + 2)  # of both kinds
+        elif still_open:
+            still_open.pop()
+    return data[: commas[-1]] + bytes(reversed(still_open))
+
+
+def load_lines(path: Path, max_bytes: int, *, head: bool = False) -> list[Any]:
+    """The trees in the lines of the file ``path``, those that are blank left out; of its ``head`` alone.
 
     Raises
     ------
@@ -42,7 +70,10 @@ def load_lines(path: Path, max_bytes: int) -> list[Any]:
         As `load`, for the first line that is not JSON.
     """
     with open_keypoints(path, max_bytes) as file:
-        lines = file.read(max_bytes + 1).removeprefix(b"\xef\xbb\xbf").splitlines()
+        data = file.read(_HEAD_BYTES if head else max_bytes + 1).removeprefix(b"\xef\xbb\xbf")
+    lines = data.splitlines()
+    if head and len(data) >= _HEAD_BYTES - 3:
+        lines = lines[:-1]
     name = printable(path)
     return [_parsed(line, name, f"line {n} ") for n, line in enumerate(lines, 1) if line.strip()]
 
@@ -105,11 +136,16 @@ def described(path: Path) -> str:
 
 
 def _depth(data: bytes) -> int:
-    codes = np.frombuffer(_STRING.sub(b"", data), np.uint8)
+    steps = _steps(np.frombuffer(_STRING.sub(b"", data), np.uint8))
+    return int(np.cumsum(steps, dtype=np.int32).max(initial=0))
+
+
+def _steps(codes: np.ndarray) -> np.ndarray:
+    """1 where a bracket opens, -1 where one closes."""
     steps = np.zeros(len(codes), np.int8)
     steps[(codes == 0x5B) | (codes == 0x7B)] = 1
     steps[(codes == 0x5D) | (codes == 0x7D)] = -1
-    return int(np.cumsum(steps, dtype=np.int32).max(initial=0))
+    return steps
 
 
 def _constant(text: str) -> float:

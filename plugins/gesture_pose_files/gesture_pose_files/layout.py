@@ -52,7 +52,7 @@ _FORMS = "(T, J, 2|3|4) or (T, 2J|3J|4J) with J of 15, 17, 18, 25, 26 or 33"
 # Of shares of width and height: a joint lies at most this far outside the picture, and few lie left of it
 # or above it: none in half of MediaPipe's files, 3 % in the worst; 36 % or more where the neck is the origin.
 _HANDS_ALONE = ("left_hand21", "right_hand21", "hands42")
-_LARGEST_SHARE = 5.0
+_LARGEST_SHARE, _MOSTLY = 5.0, 95
 _LARGEST_NEGATIVE = 0.2
 _PERCENT = 100.0
 # Seconds from frame to frame: a gesture is over before the next frame, or these are no seconds.
@@ -362,5 +362,5 @@ def are_shares(points: np.ndarray, *, centred: bool = False) -> bool:
     seen = points[np.isfinite(points)]
     if not seen.size or not (centred or float((seen < 0).mean()) <= _LARGEST_NEGATIVE):
         return False
-    sizes = np.abs(seen)
-    return float(np.median(sizes)) <= 1.0 and float(sizes.max()) <= _LARGEST_SHARE
+    usual, largest = np.percentile(np.abs(seen), (50, _MOSTLY))  # a few wrong values decide nothing
+    return bool(usual <= 1.0 and largest <= _LARGEST_SHARE)
