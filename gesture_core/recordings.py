@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any, ClassVar
 
@@ -103,6 +103,10 @@ class Recording:
         return (
             f"Recording({self.source!r}, {len(self)} samples of {len(self.channels)} channels, {span:.2f} s)"
         )
+
+    def part(self, samples: slice) -> Recording:
+        """The same recording, of these samples alone."""
+        return replace(self, values=self.values[samples], times=self.times[samples])
 
     @property
     def seen(self) -> np.ndarray:

@@ -153,7 +153,7 @@ def check_settings(settings: Settings) -> None:
     if chosen.min_score is not None and chosen.votes:
         raise ConfigError(
             "classify.min_score is about scores, and the nearest examples vote by their distances",
-            remedy="--set classify.reject=… instead, or classify.neighbors=0",
+            remedy="--set classify.reject=… instead, or --set classify.neighbors=0",
             code="E_OPTION",
         )
     if chosen.relative is not None and (settings.dtw.cost != "squared" or settings.dtw.root):

@@ -250,7 +250,7 @@ def _warnings(summary: RunSummary) -> list[str]:
     elif summary.inputs_among_examples:
         number = summary.inputs_among_examples
         found.append(f"{number} inputs are among the examples themselves: their labels are no result")
-    if summary.refused > summary.counts.get("ok", 0):
+    if summary.refused >= max(summary.counts.get("ok", 0), 1):
         from gesture_core.run.rows import NEARER
 
         found.append(f"{counted(summary.refused, 'candidate')} farther than the thresholds; try: {NEARER}")

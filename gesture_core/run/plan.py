@@ -115,7 +115,7 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         settings (E_CONFIG_CHANGED). The results are as they were.
     """
     settings, shard = request.settings, None
-    if request.spot:
+    if request.spot and settings.spot.live:
         from gesture_core.spot.signals import refuse_channels
 
         refuse_channels(settings)

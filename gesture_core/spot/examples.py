@@ -12,8 +12,9 @@ from gesture_core.classify.recognizer import Recognizer
 from gesture_core.dtw.subsequence import choose_subsequence_kernel
 from gesture_core.errors import ConfigError, GestureError, InputError
 from gesture_core.settings import Settings
-from gesture_core.spot.signals import stream_chain
-from gesture_core.types import PoseSequence, Signals
+from gesture_core.signals.chain import Chain
+from gesture_core.spot.signals import at_one_rate, of_one_unit, stream_chain
+from gesture_core.types import PoseSequence, Recording, Signals
 
 if TYPE_CHECKING:
     from gesture_core.plugin.interfaces import Subsequences
@@ -42,6 +43,8 @@ class SpottingExamples:
     Attributes
     ----------
     settings : Settings
+    chain : Chain
+        From recordings to what is looked into.
     series : tuple of Signals
         Each example at its own length and at every other tempo.
     example : (N,) int64
@@ -62,6 +65,7 @@ class SpottingExamples:
     """
 
     settings: Settings
+    chain: Chain
     series: tuple[Signals, ...]
     example: np.ndarray
     names: tuple[str, ...]
@@ -76,7 +80,7 @@ class SpottingExamples:
     def fit(
         cls,
         settings: Settings,
-        poses: Sequence[PoseSequence],
+        poses: Sequence[PoseSequence | Recording],
         labels: Sequence[str],
         names: Sequence[str] | None = None,
         *,
@@ -92,7 +96,10 @@ class SpottingExamples:
                 f"every example is called {NONE}", remedy="examples of gestures", code="E_LABELS"
             )
         chosen = settings.spot
+        settings = at_one_rate(settings, poses)
         chain = stream_chain(settings)
+        if chain.of_channels:
+            chain = of_one_unit(chain, [chain(one) for one in poses], settings)
         series, example = [], []
         for number, pose in enumerate(poses):
             for tempo in (1.0, *chosen.tempos):
@@ -106,6 +113,7 @@ class SpottingExamples:
         still = np.array([not one.selected for one in series[::tempos]])
         made = cls(
             settings,
+            chain,
             tuple(series),
             np.array(example),
             names,

@@ -11,7 +11,7 @@ from gesture_core.classify.explanation import Alignment, Explanation
 from gesture_core.errors import InputError
 from gesture_core.settings import Settings
 from gesture_core.spot.examples import SpottingExamples
-from gesture_core.spot.signals import spans, stream_chain
+from gesture_core.spot.signals import spans
 from gesture_core.types import Event, PoseSequence, Signals
 
 _STEPS = ((1, 1), (1, 2), (2, 1))
@@ -89,8 +89,8 @@ class EventExplainer:
 
     def _signals(self, event: Event, pose: PoseSequence) -> Signals:
         """Those of the part of a recording in which the event is; the latest are kept for the next event."""
-        chain = stream_chain(self._settings)
-        for one in spans(pose.onto(chain.skeleton), self._settings.spot.gap):
+        chain = self._known.chain
+        for one in spans(pose, self._settings.spot.gap, chain.skeleton):
             if one.times[0] <= event.end <= one.times[-1] + 1e-6:
                 start = float(one.times[0])
                 if self._latest is None or self._latest[0] is not pose or self._latest[1] != start:

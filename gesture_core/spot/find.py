@@ -19,7 +19,7 @@ from gesture_core.errors import GestureError
 from gesture_core.settings import Settings
 from gesture_core.spot.candidates import Candidate, Search
 from gesture_core.spot.examples import SpottingExamples
-from gesture_core.spot.signals import spans, stream_chain
+from gesture_core.spot.signals import spans
 from gesture_core.types import PoseSequence, Signals
 
 STRETCH = 64
@@ -75,7 +75,7 @@ class Query:
         spot = replace(settings.spot, verify=False, threshold=np.inf, live=False)
         self._settings = replace(settings, spot=spot)
         self._examples = SpottingExamples.fit(self._settings, [pose], ["query"], [pose.source])
-        self._chain = stream_chain(self._settings)
+        self._chain = self._examples.chain
         self._longest = 2 * max(map(len, self._examples.series)) + 2
         self._top = top
         self.hits: list[Hit] = []
@@ -96,7 +96,7 @@ class Query:
         """
         found: list[Candidate] = []
         failed: list[GestureError] = []
-        parts = list(spans(pose.onto(self._chain.skeleton), self._settings.spot.gap))
+        parts = list(spans(pose, self._settings.spot.gap, self._chain.skeleton))
         for span in parts:
             try:
                 signals = self._chain(span)

@@ -17,9 +17,9 @@ from gesture_core.signals.chain import Chain
 from gesture_core.spot.candidates import Candidate, Search
 from gesture_core.spot.examples import NONE, SpottingExamples
 from gesture_core.spot.live import LiveSignals
-from gesture_core.spot.signals import spans, stream_chain
+from gesture_core.spot.signals import refuse_channels, spans, stream_chain
 from gesture_core.spot.suppression import Suppression, merged
-from gesture_core.types import PoseSequence, Signals
+from gesture_core.types import PoseSequence, Recording, Signals
 
 BLOCK = 512
 """Frames of a recording that are compared at a time."""
@@ -115,7 +115,7 @@ class Spotter:
 
     Parameters
     ----------
-    poses : sequence of PoseSequence
+    poses : sequence of PoseSequence or Recording
         Clips of one gesture each.
     labels : sequence of str
         ``_none`` for other movements: looked for like any gesture, and never an event.
@@ -142,7 +142,7 @@ class Spotter:
 
     def __init__(
         self,
-        poses: Sequence[PoseSequence],
+        poses: Sequence[PoseSequence | Recording],
         labels: Sequence[str],
         settings: Settings | str | None = None,
         *,
@@ -157,11 +157,12 @@ class Spotter:
         self._clips = Chain.from_settings(ready)
         self._live: LiveSignals | None = None
         if live:
+            refuse_channels(ready)
             self._live = LiveSignals(stream_chain(ready), ready.spot.gap)
         self._going: EventSearch | None = None
         self._source, self.refused = ("", 0), 0
 
-    def spot(self, pose: PoseSequence) -> list[Event]:
+    def spot(self, pose: PoseSequence | Recording) -> list[Event]:
         """The events of a whole recording of one person, by their starts.
 
         Warns
@@ -180,16 +181,16 @@ class Spotter:
         return events
 
     def spot_with_note(
-        self, pose: PoseSequence, alive: Callable[[], None] = lambda: None
+        self, pose: PoseSequence | Recording, alive: Callable[[], None] = lambda: None
     ) -> tuple[list[Event], str]:
         """As `spot`, with what could not be searched as a text; ``alive`` is called now and then."""
         self.refused = 0
-        if self._live is not None:
+        if self._live is not None and isinstance(pose, PoseSequence):
             return self._as_live(pose, alive), ""
-        chain, chosen = stream_chain(self._settings), self._settings.spot
+        chain, chosen = self.examples.chain, self._settings.spot
         found: list[Candidate] = []
-        failed: list[tuple[PoseSequence, GestureError]] = []
-        parts = list(spans(pose.onto(chain.skeleton), chosen.gap))
+        failed: list[tuple[PoseSequence | Recording, GestureError]] = []
+        parts = list(spans(pose, chosen.gap, chain.skeleton))
         for span in parts:
             try:
                 signals = chain(span)
@@ -220,7 +221,7 @@ class Spotter:
     def search(
         self,
         signals: Signals,
-        pose: PoseSequence,
+        pose: PoseSequence | Recording,
         patience: float | None = None,
         block: int = BLOCK,
         alive: Callable[[], None] = lambda: None,
@@ -282,7 +283,7 @@ class Spotter:
         self.refused += going.refused
         return found
 
-    def _judged(self, candidates: Sequence[Candidate], pose: PoseSequence) -> list[Candidate]:
+    def _judged(self, candidates: Sequence[Candidate], pose: PoseSequence | Recording) -> list[Candidate]:
         """The candidates whose cut the classifier gives the same label, the surer it is the better ranked.
 
         A score is about 1 for the right class and 0 for another one, but where the nearest examples vote; at
@@ -301,7 +302,7 @@ class Spotter:
         return kept
 
     def _scored(
-        self, recognizer: Recognizer, candidates: Sequence[Candidate], pose: PoseSequence
+        self, recognizer: Recognizer, candidates: Sequence[Candidate], pose: PoseSequence | Recording
     ) -> Iterator[tuple[Candidate, np.ndarray]]:
         """The candidates of whose cuts signals can be made, and the score of each class."""
         usable: list[tuple[Candidate, Signals]] = []

@@ -182,6 +182,8 @@ def sequence(
         provenance["scaled"] = f"shares of {size[0]} x {size[1]} pixels"
     if unit == "metres":
         provenance["unit"] = unit
+        if values.shape[2] > 2 and not options.depth:
+            notes = [*notes, "the third coordinate is not used (--preset depth uses it)"]
     provenance["assumed"] = options.assumed(
         order="" if body else joints.name,
         axes="" if axes else said,
