@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gesture_core.pose.region import RegionFollower
     from gesture_core.settings import Settings
 
-REVISION = 7
+REVISION = 8
 """Goes up when the same network gives other keypoints than before: stored ones are then not used again."""
 
 
