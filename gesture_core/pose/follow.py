@@ -252,7 +252,7 @@ class Follower:
         views = [Window.around(body, cut * self.size, size).view(frame) for cut in CUTS]
         views.append(np.ascontiguousarray(window.view(frame)[:, ::-1]))
         seen = [people[0].presence if people else 0.0 for people in self.backend.estimate(views)]
-        return float(np.mean(seen)) >= self._least**STRICTER
+        return sum(seen) >= len(seen) * self._least**STRICTER
 
     def _until_lost(self, people: Sequence[Person | None]) -> int:
         """Number of leading frames in which the person is still there; all of them during a pause."""
