@@ -238,8 +238,8 @@ def _print_thresholds(evaluation: Evaluation) -> None:
     if some:
         print(
             "a stricter threshold labels fewer inputs (coverage), and usually more of these rightly "
-            "(accuracy): --reject VALUE, or --set classify.margin=VALUE, classify.min_score=VALUE or "
-            "classify.confidence=VALUE"
+            "(accuracy): --reject VALUE, --set classify.margin=VALUE, --set classify.min_score=VALUE or "
+            "--set classify.confidence=VALUE"
         )
     for title, curve in curves.items():
         if curve:
