@@ -181,7 +181,8 @@ def check_alike(series: Sequence[Series], name: str, example: Series | None = No
         if isinstance(item, Signals) and isinstance(model, Signals) and item.channels != model.channels:
             where = f" ({printable(item.source)})" if example is None and item.source else ""
             raise InputError(
-                f"{name} {index}{where} has other channels than {other}{_unlike(item.channels, model.channels)}",
+                f"{name} {index}{where} has other channels than {other}"
+                + _unlike(item.channels, model.channels),
                 remedy="signals of one preset, and series with the same channels in the same units",
                 code="E_DIMENSIONS",
             )
