@@ -170,9 +170,7 @@ def check_alike(series: Sequence[Series], name: str, example: Series | None = No
 
     ``name`` is what an element is called in the message.
     """
-    model, other = (
-        (series[0], _called(f"{name} 0", series[0])) if example is None else (example, "the examples")
-    )
+    model, other = (series[0], f"{name} 0") if example is None else (example, "the examples")
     for index, item in enumerate(series):
         if isinstance(item, Signals) != isinstance(model, Signals):
             raise InputError(
@@ -181,18 +179,13 @@ def check_alike(series: Sequence[Series], name: str, example: Series | None = No
                 code="E_MIXED",
             )
         if isinstance(item, Signals) and isinstance(model, Signals) and item.channels != model.channels:
-            who = _called(f"{name} {index}", item) if example is None else f"{name} {index}"
+            where = f" ({printable(item.source)})" if example is None and item.source else ""
             raise InputError(
-                f"{who} has other channels than {other}{_unlike(item.channels, model.channels)}",
+                f"{name} {index}{where} has other channels than {other}"
+                + _unlike(item.channels, model.channels),
                 remedy="signals of one preset, and series with the same channels in the same units",
                 code="E_DIMENSIONS",
             )
-
-
-def _called(name: str, item: Series) -> str:
-    """The place of an element, and where it comes from."""
-    source = item.source if isinstance(item, Signals) else ""
-    return f"{name} ({printable(source)})" if source else name
 
 
 def _unlike(own: Sequence[str], others: Sequence[str]) -> str:
@@ -250,9 +243,8 @@ class _Reading:
         self._name, self._kernel = choose_kernel(settings.classify.kernel, settings.dtw, settings.options)
         self._separate = takes_parts(settings)
         channels = series[0].channels
-        self._parts = [list(range(len(channels)))]
-        if self._separate:
-            self._parts = list(parts(channels, settings).values())
+        one = {"": list(range(len(channels)))}
+        self._parts = list((parts(channels, settings) if self._separate else one).values())
         self._made: list[tuple[SignalBatch, Any]] = []
 
     def warped(self, queries: SignalBatch, extents: Extents) -> np.ndarray:

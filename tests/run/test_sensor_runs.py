@@ -18,9 +18,7 @@ from gesture_core import (
     cut_events,
     evaluate_archive,
     explain,
-    find,
     load_settings,
-    spot_archive,
 )
 from gesture_core.classify.balance import balanced
 from gesture_core.errors import ConfigError, GestureError, InputError
@@ -71,9 +69,6 @@ def test_a_folder_of_logs_is_classified_evaluated_and_explained(logs: Path) -> N
     assert result.accuracy == 1
     with pytest.raises(InputError, match="of channels"):
         cut_events(logs / "run", logs / "clips")
-    for look in (find, spot_archive):
-        with pytest.raises(ConfigError, match="people alone"):
-            look(logs / "imu" / "turn_1.csv", logs / "examples", settings="sensors")
 
 
 def test_other_channels_and_other_units_are_said_of_the_one_input(logs: Path) -> None:
