@@ -191,7 +191,8 @@ class Follower:
         self.backend = backend
         self.anatomy = Anatomy(skeleton(backend.skeleton))
         self.size = backend.crop if isinstance(backend, CropFollowing) else ModelContract.crop
-        self._least = backend.presence if isinstance(backend, PresenceLimit) else 0.5
+        least = backend.presence if isinstance(backend, PresenceLimit) else 0.5
+        self._needed: float = least**STRICTER
         self.searches = 0
         self._window: Window | None = None
         self._level = 0.0
@@ -252,7 +253,7 @@ class Follower:
         views = [Window.around(body, cut * self.size, size).view(frame) for cut in CUTS]
         views.append(np.ascontiguousarray(window.view(frame)[:, ::-1]))
         seen = [people[0].presence if people else 0.0 for people in self.backend.estimate(views)]
-        return sum(seen) >= len(seen) * self._least**STRICTER
+        return sum(seen) >= len(seen) * self._needed
 
     def _until_lost(self, people: Sequence[Person | None]) -> int:
         """Number of leading frames in which the person is still there; all of them during a pause."""

@@ -25,7 +25,7 @@ SIDE = 240
 """Width and height, in pixels."""
 RATE = 15.0
 """Frames a second at most."""
-REVISION = 2
+REVISION = 3
 """Goes up when the same input gives other pictures."""
 _MARGIN = 0.18
 """Around the joints, as a share of the square's side."""
@@ -226,7 +226,8 @@ def _cropped(frame: np.ndarray, left: float, top: float, side: float) -> np.ndar
         return picture
     scale = SIDE / length
     size = max(1, round(inner.shape[1] * scale)), max(1, round(inner.shape[0] * scale))
-    small = cv2.resize(inner, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    # Averages of areas take five times as long, and are needed only where pixels would be left out.
+    small = cv2.resize(inner, size, interpolation=cv2.INTER_AREA if scale < 0.5 else cv2.INTER_LINEAR)
     down, across = max(0, round(-y * scale)), max(0, round(-x * scale))
     room = picture[down : down + size[1], across : across + size[0]]
     room[:] = small[: room.shape[0], : room.shape[1]]
