@@ -105,8 +105,8 @@ class SignalSettings(_Section):
         Take out joints that jump and come back, and exchange left and right where the frames around say that
         they are confused. Of channels: leave out one or two readings that are far from all others.
     max_gap : float
-        Seconds of a missing joint that are interpolated; one with a longer gap inside keeps its nearest values
-        only if it was seen in ``min_seen`` of the frames.
+        Seconds of a missing joint that are interpolated; one with a longer gap inside keeps its nearest
+        values only if it was seen in ``min_seen`` of the frames.
     min_seen : float
         Share of frames in which a joint must be seen to count as present.
     min_frames : int
@@ -164,8 +164,8 @@ class ClassifySettings(_Section):
         Distances above the mean and this many standard deviations of those inside the class get no label;
         where ``reject`` is set too, the lower of the two counts.
     margin : None or float
-        Labels with a smaller lead are rejected (E_UNSURE): of the winner's distance with ``nearest``, otherwise
-        of its score (0 to about 1).
+        Labels with a smaller lead are rejected (E_UNSURE): of the winner's distance with ``nearest``,
+        otherwise of its score (0 to about 1).
     min_score : None or float
         Labels of a smaller score are rejected (E_REJECTED): what is like no example, or like several classes.
         About 1 for the right class and 0 for others; not of ``nearest``, whose scores are distances.
