@@ -153,6 +153,7 @@ def test_joints_are_between_their_markers(tmp_path: Path) -> None:
     names, points = plug_in_gait(there)
     points[2, names.index("LWRA")] = np.nan
     pose = depth(write_c3d(tmp_path / "a.c3d", points, names), C3dReader)
+    assert not pose.provenance["assumed"], "the file says its unit"
     bones = [name for name in OURS if name not in ("Hips", "Head")]
     solid = np.stack([there[name] for name in bones], axis=1)
     marks = depth(write_trc(tmp_path / "a.trc", solid, "cm", [OURS[name] for name in bones]), TrcReader)

@@ -174,6 +174,7 @@ def sequence(
         points, notes = points / np.float32(_PERCENT), [*notes, "shares are percent"]
     elif percent and not (unit or own or options.unit):
         notes = [*notes, "no coordinate is above 100: --set keypoints.unit=shares where they are percent"]
+    told = unit is not None  # by the file or its format, whatever the options are
     unit = unit or (judged if own else options.unit or judged)
     size = frame_size or options.picture if unit == "shares" else None
     if size:
@@ -187,7 +188,7 @@ def sequence(
     provenance["assumed"] = options.assumed(
         order="" if body else joints.name,
         axes="" if axes else said,
-        unit="" if own and unit == "pixels" else unit,
+        unit="" if told or (own and unit == "pixels") else unit,
         frame_size=None if frame_size else size,
         fps=options.rate if "times" in provenance else math.nan,
     )
