@@ -160,7 +160,7 @@ def test_joints_are_between_their_markers(tmp_path: Path) -> None:
     found, wanted = pose.keypoints[[0, 1, 3, 4, 5]], marks.keypoints[[0, 1, 3, 4, 5]]
     np.testing.assert_allclose(found, wanted, atol=2e-4)
     np.testing.assert_allclose(pose.times, np.arange(6) / 50)
-    assert pose.provenance["unit"] == "metres"
+    assert pose.provenance["unit"] == "metres" and not pose.provenance["assumed"]  # the file says millimetres
 
 
 def test_subjects_are_people(tmp_path: Path) -> None:
