@@ -163,6 +163,16 @@ def test_joints_are_between_their_markers(tmp_path: Path) -> None:
     assert pose.provenance["unit"] == "metres" and not pose.provenance["assumed"]  # the file says millimetres
 
 
+def test_a_marker_that_is_never_seen_takes_no_joint_away(tmp_path: Path) -> None:
+    pytest.importorskip("c3d")
+    names, points = plug_in_gait(places(ANGLES, "ZXY"))
+    points[:, names.index("LWRB")] = np.nan  # a label of the marker set, and no marker
+    computed = np.full((len(points), 1, 3), np.nan)
+    path = write_c3d(tmp_path / "a.c3d", np.concatenate([computed, points], axis=1), ["LKJC", *names])
+    (pose,) = C3dReader().read(path)
+    assert pose.seen[:, [COCO18.index("left_wrist"), COCO18.index("left_knee")]].all()
+
+
 def test_subjects_are_people(tmp_path: Path) -> None:
     pytest.importorskip("c3d")
     there = places(ANGLES, "ZXY")

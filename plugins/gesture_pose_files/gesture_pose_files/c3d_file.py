@@ -112,9 +112,10 @@ def joined(names: Sequence[str], points: np.ndarray) -> tuple[list[str], np.ndar
     """Names and (T, N, 3) places of joints in the place of the markers around them, then of all the rest.
 
     A joint that a model has computed goes before its markers. It is missing where one of them is, as the
-    middle of others would jump.
+    middle of others would jump; a marker that is never seen does not count.
 
-    >>> joined(["LWRA", "LWRB", "RSHO", "Tail"], numpy.arange(12.0).reshape(1, 4, 3))[0]
+    >>> import numpy as np
+    >>> joined(["LWRA", "LWRB", "RSHO", "Tail"], np.arange(12.0).reshape(1, 4, 3))[0]
     ['left_wrist', 'right_shoulder', 'Tail']
     """
     around: dict[str, list[int]] = {}
@@ -126,8 +127,11 @@ def joined(names: Sequence[str], points: np.ndarray) -> tuple[list[str], np.ndar
             (centres if centre else around).setdefault(joint, []).append(number)
         else:
             rest.append(number)
-    members = around | centres
-    places = [points[:, own].mean(axis=1) for own in members.values()]
+    seen = np.isfinite(points).all(axis=2).any(axis=0)
+    members = around | {
+        joint: own for joint, own in centres.items() if joint not in around or seen[own].any()
+    }
+    places = [points[:, [n for n in own if seen[n]] or own].mean(axis=1) for own in members.values()]
     every = [*places, *(points[:, number] for number in rest)]
     return [*members, *(names[number] for number in rest)], np.stack(every, axis=1)
 
