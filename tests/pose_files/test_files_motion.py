@@ -131,6 +131,19 @@ def test_a_capture_that_is_cut_is_degraded(tmp_path: Path) -> None:
     assert len(pose) == 53 and pose.provenance["lost"] == "it ends after 53 of 60 frames"
 
 
+def test_more_frames_than_are_read_are_not_called_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("c3d")
+    marks = write_c3d(tmp_path / "a.c3d", np.ones((6, 2, 3)), ["LSHO", "RSHO"])
+    bones = write_bvh(tmp_path / "a.bvh", ANGLES)
+    for module, reader, path in (("c3d_file", C3dReader(), marks), ("bvh", BvhReader(), bones)):
+        monkeypatch.setattr(f"gesture_pose_files.{module}.MAX_FRAMES", 5)
+        with pytest.raises(KeypointError, match="more than 5") as caught:
+            reader.read(path)
+        assert caught.value.code == "E_KEYPOINTS_LIMIT" and caught.value.remedy == "split it"
+
+
 def plug_in_gait(there: dict[str, np.ndarray], subject: str = "") -> tuple[list[str], np.ndarray]:
     """Names and (T, N, 3) millimetres of markers around the joints of a figure."""
     markers = {}

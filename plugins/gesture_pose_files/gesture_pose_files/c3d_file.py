@@ -71,6 +71,9 @@ class C3dReader(OneClipReader):
                     remedy=COPY_AGAIN,
                     code="E_KEYPOINTS_BROKEN",
                 ) from error
+        if len(points) > MAX_FRAMES:
+            cause = f"holds more than {MAX_FRAMES} frames"
+            raise KeypointError(cause, subject=source, remedy="split it", code="E_KEYPOINTS_LIMIT")
         if not len(points) or not names:
             raise KeypointError("holds no markers", subject=source, code="E_KEYPOINTS_EMPTY")
         if not 0 < rate < 1e5:
@@ -162,7 +165,7 @@ def _markers(file: BinaryIO) -> tuple[list[str], np.ndarray, float, str, int]:
         unit = reader.get("POINT:UNITS")
         frames = [
             np.where((p[:, 3] < 0) | (p[:, :3] == 0).all(axis=1), np.nan, p[:, :3].T).T[: len(names)]
-            for _, p, _ in islice(reader.read_frames(copy=False, analog_transform=False), MAX_FRAMES)
+            for _, p, _ in islice(reader.read_frames(copy=False, analog_transform=False), MAX_FRAMES + 1)
         ]
         return (
             names,
