@@ -372,10 +372,7 @@ class Settings:
         ]
 
     def as_dict(self) -> dict[str, Any]:
-        """The whole tree as plain dicts, lists and scalars, without the preset's name.
-
-        A ConfigError for a band that is a mask, which has no such form.
-        """
+        """The tree as plain values, without the preset's name; a ConfigError for a band that is a mask."""
         if self.dtw.mask is not None:
             remedy = "dtw.window or dtw.shape; masks are for GestureClassifier and warping_distances"
             raise ConfigError("dtw.mask cannot be written down with a run", remedy=remedy, code="E_OPTION")
@@ -384,9 +381,7 @@ class Settings:
         return tree
 
     def with_values(self, values: Iterable[tuple[str, Any]], origin: str = "--set") -> Settings:
-        """The settings with ``(dotted key, value)`` pairs changed.
-
-        A ConfigError for an unknown key (naming the nearest one) or a value of the wrong type.
+        """The settings with pairs changed; a ConfigError names the key that is the nearest to an unknown one.
 
         Parameters
         ----------
@@ -401,7 +396,5 @@ class Settings:
         return changed(self, values, origin)
 
 
-SECTIONS: Mapping[str, type] = {
-    part.name: cast(type, part.default_factory) for part in fields(Settings)[1:-1]
-}
+SECTIONS: Mapping[str, type] = {one.name: cast(type, one.default_factory) for one in fields(Settings)[1:-1]}
 """The class of each section: all between the preset and the options."""

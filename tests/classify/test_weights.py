@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -320,7 +321,7 @@ def test_wrong_values_are_refused(text: str) -> None:
 
 
 def test_a_run_keeps_its_weights_and_explains_it(
-    drawn: DemoArchive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    drawn: DemoArchive, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from gesture_core.cli.explain import explain as explain_command
 
@@ -334,6 +335,7 @@ def test_a_run_keeps_its_weights_and_explains_it(
         run(classify__sharpness=2.0)
     with pytest.raises(ConfigError, match="margin"):
         run(classify__margin=0.1)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     assert explain_command(tmp_path / "run", row.input, out=tmp_path / "plot.png") == 0
     text = capsys.readouterr().out
     assert row.margin is not None
