@@ -169,7 +169,8 @@ class ClassifySettings(_Section):
         distance with ``nearest``, otherwise of its score (0 to about 1).
     min_score : None or float
         Labels of a smaller score are rejected (E_REJECTED): what is like no example, or like several classes.
-        About 1 for the right class and 0 for others; not of ``nearest``, whose scores are distances.
+        About 0 for other classes and up to about 1 for the right one, less where examples are few
+        (``gesture evaluate`` lists them); not of ``nearest``, whose scores are distances.
     confidence : None or float
         Labels that are right with a smaller probability than this are rejected (E_UNSURE), and every row has
         the probability; 0 rejects none. It is calibrated on the examples, each of which is decided by the
