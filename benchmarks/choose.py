@@ -253,7 +253,7 @@ def shipped(problems: list[Problem]) -> Choice:
     import torch
 
     modern = load_settings("modern")
-    given = modern.plugin_options("parts")["weights"]
+    given = modern.options["parts"]["weights"]
     weights = np.float32([given.get(term, 0.0) for term in TERMS])
     rest = modern.classify.rest / float(np.exp(np.mean(np.log(_sizes(weights, problems)))))
     choice = Choice(weights, float(modern.classify.mirror), rest, 0.0)

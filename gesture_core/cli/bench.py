@@ -9,7 +9,7 @@ import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, validators
 
@@ -61,14 +61,17 @@ def bench(
     auto, _ = choose_kernel("auto", spec, options)
     asked = settings.classify.kernel
     names = registry().names("kernel", usable=True) if asked == "auto" else [asked]
-    rows, timings = [], []
+    rows: list[tuple[str, ...]] = []
+    timings: list[dict[str, Any]] = []
     for name in names:
         kernel = registry().make("kernel", name, options.get(name))
         mark = "auto" if name == auto else ""
-        if not kernel.supports(spec):
-            rows.append((name, mark, "does not compute these settings", "", "", ""))
-        elif isinstance(kernel, ApproximateKernel):
-            rows.append((name, mark, "an approximation, not timed", "", "", ""))
+        why = "" if kernel.supports(spec) else "does not compute these settings"
+        if not why and isinstance(kernel, ApproximateKernel):
+            why = "an approximation, not timed"
+        if why:
+            rows.append((name, mark, why, "", "", ""))
+            timings.append({"kernel": name, "not_timed": why})
         else:
             pairs, wall, each, deviation = _measure(kernel, signals, spec)
             record = {"kernel": name, "pairs": pairs, "wall_seconds": wall, "cpu_seconds_per_pair": each}

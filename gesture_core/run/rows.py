@@ -121,8 +121,7 @@ def rows_of(
             neighbors=prediction.neighbors,
             status="rejected" if code and code.status == "rejected" else prediction.status,
             code=prediction.code,
-            message=_about(item, prediction.message)
-            + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
+            message=_about(item, _with_remedy(prediction)),
             frames_with_pose=seen.frames,
             selected=prediction.selected,
             note="; ".join(filter(None, (base.note, prediction.note))),
@@ -131,12 +130,19 @@ def rows_of(
     return rows
 
 
+def _with_remedy(prediction: Prediction) -> str:
+    """The message, with what helps where an example is too far; a threshold of scores says it itself."""
+    far = prediction.code == "E_REJECTED" and "; try: " not in prediction.message
+    return f"{prediction.message}; {_FAR}" if far else prediction.message
+
+
 def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:
     """A row for each event of one person, or the one that says that there is none."""
     base = replace(base, note="; ".join(filter(None, [base.note, tree["note"]])))
     if not tree["events"]:
         refused = tree["refused"]
-        near = f"{refused} farther than the thresholds; " if refused else ""
+        times = f", the nearest {tree['least']:.3g} times as far" if refused else ""
+        near = f"{refused} farther than the thresholds{times}; " if refused else ""
         message = (
             f"{item.name}: none of the examples was recognised in {base.seconds:.1f} s; {near}"
             f"try: {f'{NEARER}, ' if refused else ''}more examples, or gesture render"

@@ -39,6 +39,10 @@ def test_an_approximation_is_named_but_not_timed(
     assert bench(flags=KernelFlags(kernel="fastdtw"), series=3) == 0
     assert "fastdtw" in (printed := capsys.readouterr().out)
     assert "not timed" in printed or "does not compute" in printed
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: False)
+    assert bench(flags=KernelFlags(kernel="fastdtw"), series=3) == 0
+    (one,) = json.loads(capsys.readouterr().out)["kernels"]
+    assert one == {"kernel": "fastdtw", "not_timed": "an approximation, not timed"}
 
 
 def test_a_folder_without_series_is_an_error(tmp_path: Path) -> None:
