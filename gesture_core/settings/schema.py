@@ -256,9 +256,8 @@ class SpotSettings(_Section):
     verify : bool
         Let the classifier decide about each event, too; where it says another label, there is none.
     patience : None or float
-        Seconds after its end in which nothing better may come before an event is reported, and besides what
-        it lacks of the usual length of its gesture; None waits for the end of the recording, live half a
-        second.
+        Seconds after its end in which nothing better may come before an event is reported, besides what it
+        lacks of the usual length of its gesture; None waits as long as one can come, live half a second.
     merge : float
         Seconds between two events of a held gesture that make them one.
     gap : float
@@ -371,10 +370,7 @@ class Settings:
         ]
 
     def as_dict(self) -> dict[str, Any]:
-        """The whole tree as plain dicts, lists and scalars, without the preset's name.
-
-        A ConfigError for a band that is a mask, which has no such form.
-        """
+        """The tree as plain values, without the preset's name; a ConfigError for a band that is a mask."""
         if self.dtw.mask is not None:
             remedy = "dtw.window or dtw.shape; masks are for GestureClassifier and warping_distances"
             raise ConfigError("dtw.mask cannot be written down with a run", remedy=remedy, code="E_OPTION")
@@ -383,9 +379,7 @@ class Settings:
         return tree
 
     def with_values(self, values: Iterable[tuple[str, Any]], origin: str = "--set") -> Settings:
-        """The settings with ``(dotted key, value)`` pairs changed.
-
-        A ConfigError for an unknown key (naming the nearest one) or a value of the wrong type.
+        """The settings with ``(dotted key, value)`` pairs changed; a ConfigError for what there is not.
 
         Parameters
         ----------
