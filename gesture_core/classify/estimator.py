@@ -174,9 +174,9 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         """(Q, C) score of each of `classes_`, higher for what is more alike; of two classes (Q,), that of the
         second one less that of the first, as scikit-learn has it.
 
-        About 1 for the right class and 0 for others. Of the classifier ``nearest``, minus the distance to
-        the nearest example of each class; of several neighbours, their votes. Minus infinity for a class
-        that cannot be compared. Whether `predict` would refuse a label does not count.
+        Up to about 1 for the right class and about 0 for others. Of the classifier ``nearest``, minus the
+        distance to the nearest example of each class; of several neighbours, their votes. Minus infinity for
+        a class that cannot be compared. Whether `predict` would refuse a label does not count.
         """
         scores = self._scores(X)
         return scores[:, 1] - scores[:, 0] if scores.shape[1] == 2 else scores

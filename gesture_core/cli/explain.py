@@ -76,7 +76,7 @@ def explain(
         except MissingDependencyError as error:
             missing, strips = error, None
     if sys.stdout.isatty():
-        _print(found.row, found.explanation, channels)
+        _print(found.row, found.explanation, channels, found.settings.classify.classifier)
     else:
         print(json.dumps(_record(found.row, found.explanation), ensure_ascii=False))
     if found.sided:
@@ -124,7 +124,7 @@ def _side(side: Alignment) -> dict[str, Any]:
     }
 
 
-def _print(row: Row, found: Explanation, channels: int) -> None:
+def _print(row: Row, found: Explanation, channels: int, classifier: str) -> None:
     from gesture_core.classify.explanation import contrast
 
     near, far = found.nearest, found.runner_up
@@ -155,13 +155,20 @@ def _print(row: Row, found: Explanation, channels: int) -> None:
     idle = len(used) - len(order)
     notes += [f"{counted(idle, 'channel')} not compared"] if idle else []
     print("; ".join([*notes, "costs add up to the distance"]))
-    _print_examples(found)
+    _print_examples(found, classifier)
 
 
-def _print_examples(found: Explanation) -> None:
+def _print_examples(found: Explanation, classifier: str) -> None:
     """What each example adds, the largest parts and the sum of the others, and what each member says."""
     far = found.runner_up
-    if far is None or not (found.contributions or found.members):
+    if far is None:
+        return
+    if not (found.contributions or found.members):
+        if found.lead:  # of a classifier that looks at more than the distances
+            print(
+                f"classifier {classifier!r} decides by what it has learned, not by these distances: "
+                f"a lead of {found.lead:.3g}; it does not tell what each channel or example adds"
+            )
         return
     favours = f"in favour of {found.nearest.label} over {far.label}"
     largest, rest = found.contributions[:_EXAMPLES_SHOWN], found.contributions[_EXAMPLES_SHOWN:]

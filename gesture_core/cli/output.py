@@ -189,7 +189,9 @@ def print_reasons(rows: Sequence[Row]) -> None:
 def _print_group(rows: Sequence[Row]) -> None:
     """Rows that have no label for one reason: the reason once, then what they would have been."""
     code = Code.of(rows[0].code)
-    reason = f": {code.meaning}; try: {code.remedy}" if code else ""
+    remedies = {row.message.partition("; try: ")[2] for row in rows}
+    remedy = remedies.pop() if len(remedies) == 1 else ""
+    reason = f": {code.meaning}; try: {remedy or code.remedy}" if code else ""
     print(f"{len(rows)} {rows[0].status} {rows[0].code}{reason}")
     base = _common_folder([row.input for row in rows])
     shown = rows[:_REASONS_SHOWN]

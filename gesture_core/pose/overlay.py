@@ -193,7 +193,8 @@ def write_strip(
     height : int
         Of each, in pixels.
     moments : sequence of float
-        Seconds of which there is to be a picture, instead of even times.
+        Seconds of which there is to be a picture, instead of even times: of the first frame from then on, or
+        the last one.
 
     Raises
     ------
@@ -204,15 +205,26 @@ def write_strip(
 
     kept: list[np.ndarray] = []
     step, count = 1, 0
+    last: np.ndarray | None = None
+
+    def keep(frame: np.ndarray) -> None:
+        width = max(1, round(frame.shape[1] * height / frame.shape[0]))
+        kept.append(cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA))
+
     wanted = [*(sorted(moments)[place] for place in _evenly(len(moments), pictures)), np.inf]
     for time, frame in frames:
         if time >= wanted[0] if moments else count % step == 0:
             wanted = [moment for moment in wanted if moment > time]
-            width = max(1, round(frame.shape[1] * height / frame.shape[0]))
-            kept.append(cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA))
+            keep(frame)
+            last = None
             if len(kept) == 2 * pictures:
-                kept, step = kept[::2], 2 * step
+                del kept[1::2]
+                step *= 2
+        else:
+            last = frame
         count += 1
+    if last is not None and len(wanted) > 1:  # moments behind the last frame that was looked at
+        keep(last)
     if not kept:
         raise MediaError("no frame to draw", subject=str(path), code="E_MEDIA_WRITE")
     done, data = cv2.imencode(".png", np.hstack([kept[place] for place in _evenly(len(kept), pictures)]))

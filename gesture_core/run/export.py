@@ -99,6 +99,8 @@ def write_rows(worker: Worker, run: str, format: str, path: str) -> None:
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 """What a cell begins with that a spreadsheet may run: the list of OWASP, "CSV Injection"."""
+_NUMBERS = re.compile(r"-?[\d.]+(e[-+]?\d+)?( -?[\d.]+(e[-+]?\d+)?)*")
+"""What none would run: a box that reaches beyond the picture, or is in metres."""
 
 
 class CsvWriter:
@@ -118,7 +120,7 @@ class CsvWriter:
 def _cell(value: Any) -> Any:
     if value is None:
         return ""
-    if isinstance(value, str) and value.startswith(_FORMULA):
+    if isinstance(value, str) and value.startswith(_FORMULA) and not _NUMBERS.fullmatch(value):
         return "'" + value
     return value
 

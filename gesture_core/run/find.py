@@ -124,7 +124,8 @@ def find(
         warnings.warn(f"left out, neither video nor keypoints: {shown}", stacklevel=2)
     readable = [item for item in items if item.readable]
     if not readable:
-        raise InputError("holds no recording", subject=", ".join(sources), code="E_EMPTY")
+        why = next((f": {item.name}: {item.fault}" for item in items if item.fault), "")
+        raise InputError(f"holds no recording{why}", subject=", ".join(sources), code="E_EMPTY")
     stream_chain(ready)  # refuses settings under which nothing can be found, before anything is extracted
     query = _query(clip, ready, listener)
     found = Findings(failed=failed)

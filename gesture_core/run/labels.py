@@ -287,22 +287,24 @@ class FolderLabels:
         if len(top) == 1:
             what = f"everything lies in {_listed(top)}, which looks like no label"
         anyway = f"--labels folder:0 if {_listed(top)} are the labels"
+        names = [{folders[place] for folders in tree} for place in range(len(levels))]
+        others = [_are_parts(name) or _numbered(tree, n) is not None for n, name in enumerate(names)]
         likely = first
-        while likely + 1 < len(levels) and (_numbered(tree, likely) is not None or _repeats(tree, likely)):
+        while likely + 1 < len(levels) and (others[likely] or _repeats(tree, likely)):
             likely += 1
         if likely >= len(levels):
             raise ConfigError(
                 what, remedy=f"--labels with a table or a regular expression, or {anyway}", code="E_LABELS"
             )
-        names = _listed({folders[likely] for folders in tree})
         remedies = []
         for place in sorted(range(first, len(levels)), key=lambda n: n != likely):
-            there = {folders[place] for folders in tree}
             last = {len(folders) for folders in full} == {levels[place] + 1}
-            if place == likely or not (_are_parts(there) or _numbered(tree, place) is not None):
-                remedies.append(f"--labels folder:{-1 if last else levels[place]} for {_listed(there)}")
+            level = -1 if last else levels[place]
+            if place == likely or not others[place]:
+                remedies.append(f"--labels folder:{level} for {_listed(names[place])}")
+        where = "it" if len(top) == 1 else "each of them"
         raise ConfigError(
-            f"{what}; below {'it' if len(top) == 1 else 'each of them'} lie folders such as {names}",
+            f"{what}; below {where} lie folders such as {_listed(names[likely])}",
             remedy="; ".join([*remedies, anyway]),
             code="E_LABELS",
         )

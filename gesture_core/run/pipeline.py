@@ -265,15 +265,9 @@ class _Run:
         """Say of the first input that is much longer than the examples what is for such inputs."""
         if self.request.spot or self._warned or not 0 < longest * _LONG < seconds:
             return
-        channels = self.request.settings.signals.input == "channels"
-        remedy = (
-            "cut them into a file for each movement"
-            if channels
-            else "gesture spot finds every gesture in them, with its start and end"
-        )
         warnings.warn(
-            f"{item.name} lasts {seconds:.0f} s, the longest example {longest:.1f} s: such "
-            f"inputs get one label here; {remedy}",
+            f"{item.name} lasts {seconds:.0f} s, the longest example {longest:.1f} s: such inputs get one "
+            "label here; gesture spot finds every gesture in them, with its start and end",
             stacklevel=2,
         )
         self._warned = True

@@ -285,8 +285,9 @@ def _compared(
         return configuration, True
     if not overwrite:
         lines = "\n  ".join(changed[:20]) + (f"\n  … and {len(changed) - 20} more" if changed[20:] else "")
+        what = "examples" if all(line.startswith("example ") for line in changed) else "settings"
         raise ConfigError(
-            "holds a run made with other settings",
+            f"holds a run made with other {what}",
             subject=str(results.path.parent),
             kept="its rows and all keypoints",
             remedy=f"--overwrite to begin again (keypoints are reused), or another --out\n  {lines}",

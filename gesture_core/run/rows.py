@@ -121,14 +121,19 @@ def rows_of(
             neighbors=prediction.neighbors,
             status="rejected" if code and code.status == "rejected" else prediction.status,
             code=prediction.code,
-            message=_about(item, prediction.message)
-            + (f"; {_FAR}" if prediction.code == "E_REJECTED" else ""),
+            message=_about(item, _with_remedy(prediction)),
             frames_with_pose=seen.frames,
             selected=prediction.selected,
             note="; ".join(filter(None, (base.note, prediction.note))),
         )
         rows.append(_with_damage(row, item, found))
     return rows
+
+
+def _with_remedy(prediction: Prediction) -> str:
+    """The message, with what helps where an example is too far; a threshold of scores says it itself."""
+    far = prediction.code == "E_REJECTED" and "; try: " not in prediction.message
+    return f"{prediction.message}; {_FAR}" if far else prediction.message
 
 
 def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:

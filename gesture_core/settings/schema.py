@@ -169,7 +169,8 @@ class ClassifySettings(_Section):
         distance with ``nearest``, otherwise of its score (0 to about 1).
     min_score : None or float
         Labels of a smaller score are rejected (E_REJECTED): what is like no example, or like several classes.
-        About 1 for the right class and 0 for others; not of ``nearest``, whose scores are distances.
+        About 0 for other classes and up to about 1 for the right one, less where examples are few
+        (``gesture evaluate`` lists them); not of ``nearest``, whose scores are distances.
     confidence : None or float
         Labels that are right with a smaller probability than this are rejected (E_UNSURE), and every row has
         the probability; 0 rejects none. It is calibrated on the examples, each of which is decided by the
@@ -379,7 +380,7 @@ class Settings:
         return tree
 
     def with_values(self, values: Iterable[tuple[str, Any]], origin: str = "--set") -> Settings:
-        """The settings with ``(dotted key, value)`` pairs changed; a ConfigError for what there is not.
+        """The settings with pairs changed; a ConfigError names the key that is the nearest to an unknown one.
 
         Parameters
         ----------
@@ -394,7 +395,5 @@ class Settings:
         return changed(self, values, origin)
 
 
-SECTIONS: Mapping[str, type] = {
-    part.name: cast(type, part.default_factory) for part in fields(Settings)[1:-1]
-}
+SECTIONS: Mapping[str, type] = {one.name: cast(type, one.default_factory) for one in fields(Settings)[1:-1]}
 """The class of each section: all between the preset and the options."""

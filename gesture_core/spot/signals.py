@@ -56,7 +56,7 @@ def at_one_rate(settings: Settings, clips: Sequence[PoseSequence | Recording]) -
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """A filter: every channel times a factor of its own, (D,); an InputError for others than the example's."""
+    """A filter: every channel times a factor of its own, (D,); the channels must be those of an example."""
 
     factors: np.ndarray
     example: Signals

@@ -111,12 +111,12 @@ def test_cells_that_a_spreadsheet_would_run_are_neutralised(tmp_path: Path) -> N
     from gesture_core.run.export import CsvWriter
     from gesture_core.types import COLUMNS, Row
 
-    names = ["=1+1", "+x", "-x", "@x", "plain", "\tx"]
+    names = ["=1+1", "+x", "-x", "@x", "plain", "\tx", "-1+2", "-0.45 1e-05 -3 4"]
     records = (Row("").as_record() | {"input": name} for name in names)
     CsvWriter().write(records, COLUMNS, tmp_path / "x.csv")
     with (tmp_path / "x.csv").open(newline="", encoding="utf-8") as file:
         cells = [row["input"] for row in csv.DictReader(file)]
-    assert cells == ["'=1+1", "'+x", "'-x", "'@x", "plain", "'\tx"]
+    assert cells == ["'=1+1", "'+x", "'-x", "'@x", "plain", "'\tx", "'-1+2", "-0.45 1e-05 -3 4"]
 
 
 CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"]

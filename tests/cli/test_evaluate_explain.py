@@ -9,11 +9,13 @@ import shutil
 import sqlite3
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from distributions import gesture, make_distribution
 
+from gesture_core.cli.explain import _print_examples
 from gesture_core.cli.main import run as run_command
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
@@ -250,6 +252,16 @@ def test_copies_are_said(archive: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert "4 inputs move exactly as others do: they find their copies" in said
     (wrong,) = (line for line in said.splitlines() if "is called" in line)
     assert "side_F.npy is called side, and its copy " in wrong and wrong.endswith("up_B.npy up")
+
+
+def test_a_classifier_that_learns_is_not_explained_by_distances(capsys: pytest.CaptureFixture[str]) -> None:
+    side = SimpleNamespace(label="up")
+    found = SimpleNamespace(nearest=side, runner_up=side, contributions=(), members=(), lead=0.5)
+    _print_examples(found, "learner")  # type: ignore[arg-type]
+    assert "'learner' decides by what it has learned, not by these distances" in capsys.readouterr().out
+    found.lead = 0.0
+    _print_examples(found, "nearest")  # type: ignore[arg-type]
+    assert capsys.readouterr().out == ""
 
 
 def test_explain_says_why(

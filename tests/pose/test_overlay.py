@@ -130,7 +130,12 @@ def test_a_strip_shows_the_beginning_and_the_end(count: int, tmp_path: Path) -> 
 def test_a_strip_shows_the_moments_that_are_wanted(tmp_path: Path) -> None:
     import cv2
 
-    for wanted, shown in (([80.0, 3.5, 40.0, 40.2], [4, 40, 41, 80]), (list(range(50)), 8)):
+    for wanted, shown in (
+        ([80.0, 3.5, 40.0, 40.2], [4, 40, 41, 80]),
+        ([12.0, 99.4, 99.8], [12, 99]),  # of frames that were thinned out the last one is before the moment
+        ([120.0], [99]),
+        (list(range(50)), 8),
+    ):
         pictures = ((float(i), np.full((60, 80, 3), 2 * i, np.uint8)) for i in range(100))
         assert write_strip(pictures, tmp_path / "out.png", pictures=8, height=30, moments=wanted) == 100
         strip = cv2.imread(str(tmp_path / "out.png"))

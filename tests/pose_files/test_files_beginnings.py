@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 
@@ -102,3 +103,15 @@ def test_a_clip_in_json_is_known_by_how_it_begins(
     monkeypatch.setattr("gesture_pose_files.json_table.load", lambda *_: pytest.fail("all of it is parsed"))
     if form not in ("lines", "columns"):  # a third of the columns names no body
         assert JsonTableReader().accepts(path)
+
+
+@pytest.mark.parametrize("name", ["clip.json", "clip.jsonl", "lines.json", "clip.jsonl.gz"])
+def test_a_clip_that_is_too_large_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    path = tmp_path / name
+    text = json.dumps(FRAMES) if name == "clip.json" else "\n".join(map(json.dumps, FRAMES))
+    path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
+    monkeypatch.setattr("gesture_pose_files.json_table.MAX_LIST_BYTES", path.stat().st_size - 1)
+    assert JsonTableReader().accepts(path)
+    with pytest.raises(KeypointError) as caught:
+        JsonTableReader().read(path)
+    assert caught.value.code == "E_KEYPOINTS_LIMIT" and caught.value.remedy == "split it"

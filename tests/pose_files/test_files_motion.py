@@ -131,6 +131,19 @@ def test_a_capture_that_is_cut_is_degraded(tmp_path: Path) -> None:
     assert len(pose) == 53 and pose.provenance["lost"] == "it ends after 53 of 60 frames"
 
 
+def test_more_frames_than_are_read_are_not_called_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("c3d")
+    marks = write_c3d(tmp_path / "a.c3d", np.ones((6, 2, 3)), ["LSHO", "RSHO"])
+    bones = write_bvh(tmp_path / "a.bvh", ANGLES)
+    for module, reader, path in (("c3d_file", C3dReader(), marks), ("bvh", BvhReader(), bones)):
+        monkeypatch.setattr(f"gesture_pose_files.{module}.MAX_FRAMES", 5)
+        with pytest.raises(KeypointError, match="more than 5") as caught:
+            reader.read(path)
+        assert caught.value.code == "E_KEYPOINTS_LIMIT" and caught.value.remedy == "split it"
+
+
 def plug_in_gait(there: dict[str, np.ndarray], subject: str = "") -> tuple[list[str], np.ndarray]:
     """Names and (T, N, 3) millimetres of markers around the joints of a figure."""
     markers = {}
@@ -160,7 +173,17 @@ def test_joints_are_between_their_markers(tmp_path: Path) -> None:
     found, wanted = pose.keypoints[[0, 1, 3, 4, 5]], marks.keypoints[[0, 1, 3, 4, 5]]
     np.testing.assert_allclose(found, wanted, atol=2e-4)
     np.testing.assert_allclose(pose.times, np.arange(6) / 50)
-    assert pose.provenance["unit"] == "metres"
+    assert pose.provenance["unit"] == "metres" and not pose.provenance["assumed"]  # the file says millimetres
+
+
+def test_a_marker_that_is_never_seen_takes_no_joint_away(tmp_path: Path) -> None:
+    pytest.importorskip("c3d")
+    names, points = plug_in_gait(places(ANGLES, "ZXY"))
+    points[:, names.index("LWRB")] = np.nan  # a label of the marker set, and no marker
+    computed = np.full((len(points), 1, 3), np.nan)
+    path = write_c3d(tmp_path / "a.c3d", np.concatenate([computed, points], axis=1), ["LKJC", *names])
+    (pose,) = C3dReader().read(path)
+    assert pose.seen[:, [COCO18.index("left_wrist"), COCO18.index("left_knee")]].all()
 
 
 def test_subjects_are_people(tmp_path: Path) -> None:

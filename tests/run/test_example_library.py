@@ -14,6 +14,7 @@ from trouble_plugin import FIGURE
 from troubles import write_clip
 
 from gesture_core import classify_archive, load_poses
+from gesture_core.cli.output import print_reasons
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.run.pipeline import RunSummary
 
@@ -85,6 +86,18 @@ def test_frames_as_pictures_are_told_to_become_videos(folder: Path) -> None:
 def test_a_rejected_row_says_what_to_look_at(folder: Path) -> None:
     (left, _) = run(folder, classify__reject=1e-6).rows()
     assert left.code == "E_REJECTED" and "above 1e-06; try: a clip of one gesture" in left.message
+
+
+def test_a_score_that_is_too_low_asks_for_no_larger_distance(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = list(run(folder, classify__neighbors=0, classify__min_score=9.0).rows())
+    assert {row.code for row in rows} == {"E_REJECTED"}
+    print_reasons([*rows, *rows])
+    said = capsys.readouterr().out.splitlines()[0]
+    for text in (said, *(row.message for row in rows)):
+        assert text.count("try: ") == 1
+        assert text.endswith("; try: more examples of it, or a lower --set classify.min_score=…")
 
 
 def test_a_stranger_counts_as_no_neighbour(folder: Path) -> None:

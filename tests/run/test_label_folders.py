@@ -65,6 +65,10 @@ def two(above: tuple[str, ...], below: tuple[str, ...] = GESTURES) -> tuple[str,
             two(two(("data",), ("anna", "ben")), ("v1/circle", "v1/clap")),
             "--labels folder:-1 for circle, clap",
         ),
+        (
+            ("data/train/s1/wave", "data/train/s1/push", "data/test/s2/wave"),
+            "try: --labels folder:-1 for push, wave; --labels folder:0",
+        ),
         (two(("data/v1", "data/v2")), "--labels folder:-1 for circle, clap, wave; --labels folder:0 if data"),
         (
             two(two(("anna", "ben")), ("rgb", "depth")),

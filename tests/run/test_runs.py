@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -89,6 +90,17 @@ def test_what_changed_is_said_in_the_words_of_the_settings(drawn: DemoArchive, t
         "  dtw.window: None -> 0.1",
         "  signals.filters: ['gaussian', 'center'] -> ['median', 'center']",
     ]
+
+
+def test_an_example_more_is_no_other_setting(drawn: DemoArchive, tmp_path: Path) -> None:
+    examples = tmp_path / "examples"
+    shutil.copytree(drawn.example_keypoints, examples)
+    one = replace(drawn, example_keypoints=examples)
+    classify(one, tmp_path / "run")
+    shutil.copytree(next(examples.glob("*/*")), examples / "new" / "1")
+    with pytest.raises(ConfigError, match="holds a run made with other examples") as caught:
+        classify(one, tmp_path / "run")
+    assert "(absent) -> new" in str(caught.value)
 
 
 def test_settings_that_touch_no_keypoint_change_no_extraction(drawn: DemoArchive, tmp_path: Path) -> None:

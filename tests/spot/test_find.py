@@ -113,3 +113,9 @@ def test_what_cannot_be_looked_for_is_refused(drawn: DemoArchive, tmp_path: Path
         find(drawn.video_keypoints, drawn.video_keypoints, SETTINGS)
     with pytest.raises(GestureError, match="no such file"):
         find(tmp_path / "none.mp4", drawn.video_keypoints, SETTINGS)
+    (tmp_path / "day.csv").write_text("time,acc_x\n" + "".join(f"{n / 10},{n % 3}\n" for n in range(30)))
+    with (
+        pytest.warns(UserWarning, match="left out"),
+        pytest.raises(GestureError, match=r"holds no recording: .*day\.csv: .*--preset sensors"),
+    ):
+        find(tmp_path / "day.csv", tmp_path / "day.csv", SETTINGS)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gesture_core import Spotter, explain, load_settings, spot_archive
+from gesture_core import Spotter, classify_archive, explain, load_settings, spot_archive
 from gesture_core.cli.main import run as gesture
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.run.find import find
@@ -82,6 +82,8 @@ def test_a_run_over_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[st
     recording, truth = day()
     save(tmp_path / "recordings" / "day.csv", recording)
     folders = tmp_path / "recordings", tmp_path / "examples"
+    with pytest.warns(UserWarning, match="one label here; gesture spot finds every gesture in them"):
+        classify_archive(*folders, tmp_path / "labels", "sensors", engine="inline")
     summary = spot_archive(*folders, tmp_path / "run", "sensors", engine="inline")
     assert [row.label for row in summary.rows()] == list(ORDER)
     decided = explain(tmp_path / "run", "day.csv", event=2)

@@ -32,8 +32,12 @@ gesture.list = (() => {
     return found;
   }
 
+  function spanned(row) {
+    return `${number(row.start, 2)}–${number(row.end, 2)} s`;
+  }
+
   function where(row) {
-    const time = row.event ? `${number(row.start, 2)}–${number(row.end, 2)} s` : row.end === null ? "" : `${number(row.end - row.start, 1)} s`;
+    const time = row.event ? spanned(row) : row.end === null ? "" : `${number(row.end - row.start, 1)} s`;
     return [row.folder, row.person ? `person ${row.person}` : "", time].filter(Boolean).join(" · ");
   }
 
@@ -41,7 +45,7 @@ gesture.list = (() => {
     const second = remarks(row).map(([words, kind]) => make("span", { class: kind }, kind.startsWith("status") && make("span", { class: "mark", "aria-hidden": "true" }), words));
     return make("tr", { "aria-rowindex": place + 2, "aria-selected": state.chosen === row, tabindex: state.chosen === row ? "0" : "-1", "data-index": row.index, onclick: () => gesture.stage.choose(row, { open: true }) },
       make("td", { class: "c-clip", role: "gridcell" }, clip(row)),
-      make("td", { class: "c-label", role: "gridcell" }, make("span", { class: row.label === null ? "label unlabelled" : "label", title: row.label }, row.label ?? "no label"), make("span", { class: "second" }, ...second), make("span", { class: "narrow dim" }, row.file)),
+      make("td", { class: "c-label", role: "gridcell" }, make("span", { class: row.label === null ? "label unlabelled" : "label", title: row.label }, row.label ?? "no label"), make("span", { class: "second" }, ...second), make("span", { class: "narrow dim" }, row.event ? `${spanned(row)} · ${row.file}` : row.file)),
       make("th", { class: "c-name", scope: "row" }, make("span", { class: "file", title: row.input }, row.file), make("span", { class: "second dim", title: row.input }, where(row))),
       make("td", { class: "c-sure", role: "gridcell" }, make("span", { class: "value" }, number(row[sureness])), bar(row[sureness], surest, "sure")),
       make("td", { class: "c-far", role: "gridcell" }, make("span", { class: "value" }, distance(row.distance)), bar(row.distance, longest, "far")));

@@ -114,7 +114,7 @@ class Recurrent:
 
     def _learn(self, forms: Sequence[Tensor], codes: np.ndarray, classes: int) -> Mapping[str, np.ndarray]:
         """What `scores` needs, from (N, T, D) series in each form."""
-        torch.manual_seed(self.seed)
+        torch.default_generator.manual_seed(self.seed)  # torch.manual_seed would seed every device, too
         series, targets = torch.cat(list(forms)), torch.from_numpy(np.tile(codes, len(forms)))
         mean = series.mean(dim=(0, 1))
         # One for all channels: they weigh as they do in the distances, and what trembles is not magnified.

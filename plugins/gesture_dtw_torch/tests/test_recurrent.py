@@ -64,12 +64,13 @@ def test_new_movements_and_those_of_the_other_hand() -> None:
     assert classifier.scores(state, [], np.empty((0, 0))).shape == (0, 2)
 
 
-def test_a_seed_says_all_and_nobody_else_notices() -> None:
+def test_a_seed_says_all_and_nobody_else_notices(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "manual_seed_all", lambda seed: pytest.fail("seeds devices"))
     series, codes = movements(0)
     threads = torch.get_num_threads()
-    torch.manual_seed(7)
+    torch.default_generator.manual_seed(7)
     wanted = torch.rand(1)
-    torch.manual_seed(7)
+    torch.default_generator.manual_seed(7)
     first, again, other = (
         Recurrent(seed=seed, hidden=2, frames=3).fit(series, codes, 2, None, np.arange(16))
         for seed in (0, 0, 1)

@@ -71,6 +71,9 @@ class C3dReader(OneClipReader):
                     remedy=COPY_AGAIN,
                     code="E_KEYPOINTS_BROKEN",
                 ) from error
+        if len(points) > MAX_FRAMES:
+            cause = f"holds more than {MAX_FRAMES} frames"
+            raise KeypointError(cause, subject=source, remedy="split it", code="E_KEYPOINTS_LIMIT")
         if not len(points) or not names:
             raise KeypointError("holds no markers", subject=source, code="E_KEYPOINTS_EMPTY")
         if not 0 < rate < 1e5:
@@ -112,9 +115,10 @@ def joined(names: Sequence[str], points: np.ndarray) -> tuple[list[str], np.ndar
     """Names and (T, N, 3) places of joints in the place of the markers around them, then of all the rest.
 
     A joint that a model has computed goes before its markers. It is missing where one of them is, as the
-    middle of others would jump.
+    middle of others would jump; a marker that is never seen does not count.
 
-    >>> joined(["LWRA", "LWRB", "RSHO", "Tail"], numpy.arange(12.0).reshape(1, 4, 3))[0]
+    >>> import numpy as np
+    >>> joined(["LWRA", "LWRB", "RSHO", "Tail"], np.arange(12.0).reshape(1, 4, 3))[0]
     ['left_wrist', 'right_shoulder', 'Tail']
     """
     around: dict[str, list[int]] = {}
@@ -126,8 +130,11 @@ def joined(names: Sequence[str], points: np.ndarray) -> tuple[list[str], np.ndar
             (centres if centre else around).setdefault(joint, []).append(number)
         else:
             rest.append(number)
-    members = around | centres
-    places = [points[:, own].mean(axis=1) for own in members.values()]
+    seen = np.isfinite(points).all(axis=2).any(axis=0)
+    members = around | {
+        joint: own for joint, own in centres.items() if joint not in around or seen[own].any()
+    }
+    places = [points[:, [n for n in own if seen[n]] or own].mean(axis=1) for own in members.values()]
     every = [*places, *(points[:, number] for number in rest)]
     return [*members, *(names[number] for number in rest)], np.stack(every, axis=1)
 
@@ -158,7 +165,7 @@ def _markers(file: BinaryIO) -> tuple[list[str], np.ndarray, float, str, int]:
         unit = reader.get("POINT:UNITS")
         frames = [
             np.where((p[:, 3] < 0) | (p[:, :3] == 0).all(axis=1), np.nan, p[:, :3].T).T[: len(names)]
-            for _, p, _ in islice(reader.read_frames(copy=False, analog_transform=False), MAX_FRAMES)
+            for _, p, _ in islice(reader.read_frames(copy=False, analog_transform=False), MAX_FRAMES + 1)
         ]
         return (
             names,

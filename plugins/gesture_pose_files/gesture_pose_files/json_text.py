@@ -69,11 +69,14 @@ def load_lines(path: Path, max_bytes: int, *, head: bool = False) -> list[Any]:
     KeypointError
         As `load`, for the first line that is not JSON.
     """
-    with open_keypoints(path, max_bytes) as file:
-        data = file.read(_HEAD_BYTES if head else max_bytes + 1).removeprefix(b"\xef\xbb\xbf")
-    lines = data.splitlines()
-    if head and len(data) >= _HEAD_BYTES - 3:
-        lines = lines[:-1]
+    if head:
+        data = head_of(path, _HEAD_BYTES)
+        lines = data.splitlines()[: -1 if len(data) == _HEAD_BYTES else None]
+    else:
+        with open_keypoints(path, max_bytes) as file:
+            lines = file.read(max_bytes + 1).splitlines()
+    if lines:
+        lines[0] = lines[0].removeprefix(b"\xef\xbb\xbf")
     name = printable(path)
     return [_parsed(line, name, f"line {n} ") for n, line in enumerate(lines, 1) if line.strip()]
 

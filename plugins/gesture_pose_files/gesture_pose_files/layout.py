@@ -121,8 +121,8 @@ def sequence(
         The same of all people, who come and go.
     body, axes, frame_size : optional
         What the file itself says of its joints, the order of coordinates, and the picture.
-    unit : "pixels" or "shares", optional
-        What the reader found, where it has seen more than this one person.
+    unit : "pixels", "shares" or "metres", optional
+        What the reader found, where it has seen more than this one person; or metres, as the file says.
     own : bool
         A file that this package wrote, or one in its form: pixels, or shares where they look so.
     person : int
@@ -174,7 +174,7 @@ def sequence(
         points, notes = points / np.float32(_PERCENT), [*notes, "shares are percent"]
     elif percent and not (unit or own or options.unit):
         notes = [*notes, "no coordinate is above 100: --set keypoints.unit=shares where they are percent"]
-    unit = unit or (judged if own else options.unit or judged)
+    stated, unit = unit == "metres", unit or (judged if own else options.unit or judged)
     size = frame_size or options.picture if unit == "shares" else None
     if size:
         points = points * np.array(size, np.float32)
@@ -187,7 +187,7 @@ def sequence(
     provenance["assumed"] = options.assumed(
         order="" if body else joints.name,
         axes="" if axes else said,
-        unit="" if own and unit == "pixels" else unit,
+        unit="" if stated or (own and unit == "pixels") else unit,
         frame_size=None if frame_size else size,
         fps=options.rate if "times" in provenance else math.nan,
     )
