@@ -96,7 +96,8 @@ def local_path(source: str) -> str:
     if not is_address(source):
         from urllib.request import url2pathname
 
-        return url2pathname(source.removeprefix("file://")) if source.startswith("file://") else source
+        path = re.sub("^file://(localhost(?=/))?", "", source)
+        return url2pathname(path) if path != source else source
     parts, name = _LINK.split(_root(shown(source))), "all"
     for place, part in enumerate(parts):
         kind, _, path = part.partition("://")

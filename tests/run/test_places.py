@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sqlite3
+import sys
 import warnings
 from pathlib import Path
 
@@ -14,7 +15,8 @@ from troubles import write_clip
 
 from gesture_core import classify_archive
 from gesture_core.cli.main import run as command
-from gesture_core.errors import ConfigError
+from gesture_core.errors import ConfigError, MissingDependencyError
+from gesture_core.run.addresses import entries
 from gesture_core.run.explain import explain
 from gesture_core.run.pipeline import RunSummary
 
@@ -131,3 +133,26 @@ def test_a_pattern_of_label_folders(folder: Path, monkeypatch: pytest.MonkeyPatc
     with sqlite3.connect("run/run.db") as database:
         found = dict(database.execute("SELECT input, label FROM rows WHERE role = 'query'"))
     assert found == {"videos/left.npz": "left", "videos/right.npz": "right"}
+
+
+def test_an_absent_package_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("fsspec")
+    for module in ("s3fs", "gcsfs"):
+        monkeypatch.setitem(sys.modules, module, None)
+    for address, extra in (("s3://bucket/x", "s3"), ("gs://bucket/x", "gcs")):
+        with pytest.raises(MissingDependencyError, match=rf'pip install "gesture-core\[{extra}\]"'):
+            list(entries(address))
+    monkeypatch.setitem(sys.modules, "fsspec.core", None)
+    with pytest.raises(MissingDependencyError, match="pip install"):
+        list(entries("s3://bucket/x"))
+    monkeypatch.undo()
+    with pytest.raises(MissingDependencyError, match="nothing reads nonsense://"):
+        list(entries("nonsense://bucket/x"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a colon is no part of a name")
+def test_a_run_folder_is_no_address(folder: Path) -> None:
+    with pytest.raises(ConfigError, match="is an address") as failed:
+        classify(f"{folder}/home/videos", f"{folder}/home/examples", Path("s3://bucket/run"))  # type: ignore[arg-type]
+    assert failed.value.code == "E_OUT"
+    assert not Path("s3:").exists()
