@@ -96,8 +96,8 @@ def local_path(source: str) -> str:
     if not is_address(source):
         from urllib.request import url2pathname
 
-        path = re.sub("^file://(localhost(?=/))?", "", source)
-        return url2pathname(path) if path != source else source
+        found = re.match("file://(localhost(?=/))?", source)
+        return url2pathname(source[found.end() :]) if found else source
     parts, name = _LINK.split(_root(shown(source))), "all"
     for place, part in enumerate(parts):
         kind, _, path = part.partition("://")
@@ -385,8 +385,7 @@ def _entry(system: Any, source: str, about: Mapping[str, Any]) -> Entry:
     etag, size = str(about.get("ETag") or about.get("etag") or "").strip('"'), about.get("size")
     versions = [etag] if etag else [_plain(about.get(key)) for key in _VERSIONS]
     md5 = etag if _MD5.fullmatch(etag) and source.startswith("s3") else ""
-    if query and "?" not in address:
-        address = f"{address}?{query}"
+    address += f"?{query}" if query and "?" not in address else ""
     return Entry(address, None if size is None else int(size), json.dumps([size, *versions]), md5)
 
 

@@ -141,7 +141,8 @@ def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:
     base = replace(base, note="; ".join(filter(None, [base.note, tree["note"]])))
     if not tree["events"]:
         refused = tree["refused"]
-        near = f"{refused} farther than the thresholds; " if refused else ""
+        times = f", the nearest {tree['least']:.3g} times as far" if refused else ""
+        near = f"{refused} farther than the thresholds{times}; " if refused else ""
         message = (
             f"{item.name}: none of the examples was recognised in {base.seconds:.1f} s; {near}"
             f"try: {f'{NEARER}, ' if refused else ''}more examples, or gesture render"

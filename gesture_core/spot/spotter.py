@@ -53,6 +53,8 @@ class EventSearch:
     ----------
     refused : int
         Gestures over which nothing was better, and that were farther than their threshold.
+    least : float
+        How many times as far as its threshold the nearest of them was; infinite where there is none.
     """
 
     def __init__(
@@ -62,7 +64,7 @@ class EventSearch:
         patience: float | None = None,
         judge: Judge | None = None,
     ) -> None:
-        self._examples, self._judge, self.refused = examples, judge, 0
+        self._examples, self._judge, self.refused, self.least = examples, judge, 0, np.inf
         worst = examples.thresholds * (_SUREST if judge and examples.recognizer else 1.0)
         self._search = Search(examples, present, worst)
         self._live, usual = patience is not None, examples.usual_seconds()
@@ -99,8 +101,11 @@ class EventSearch:
         return self._gestures(self._suppression.settle(np.inf))
 
     def _near(self, one: Candidate) -> bool:
-        near = bool(one.rank <= self._examples.thresholds[one.code])
-        self.refused += not near and self._examples.classes[one.code] != NONE
+        threshold = self._examples.thresholds[one.code]
+        near = bool(one.rank <= threshold)
+        if not near and self._examples.classes[one.code] != NONE:
+            self.refused += 1
+            self.least = min(self.least, float(one.rank / max(threshold, _LEAST)))
         return near
 
     def _judged(self, candidates: list[Candidate]) -> list[Candidate]:
@@ -130,6 +135,8 @@ class Spotter:
     ----------
     refused : int
         Gestures in the last recording that were farther than their threshold, with nothing better over them.
+    least : float
+        How many times as far as its threshold the nearest of them was; infinite where there is none.
 
     Examples
     --------
@@ -160,7 +167,7 @@ class Spotter:
             refuse_channels(ready)
             self._live = LiveSignals(stream_chain(ready), ready.spot.gap)
         self._going: EventSearch | None = None
-        self._source, self.refused = ("", 0), 0
+        self._source, self.refused, self.least = ("", 0), 0, np.inf
 
     def spot(self, pose: PoseSequence | Recording) -> list[Event]:
         """The events of a whole recording of one person, by their starts.
@@ -184,7 +191,7 @@ class Spotter:
         self, pose: PoseSequence | Recording, alive: Callable[[], None] = lambda: None
     ) -> tuple[list[Event], str]:
         """As `spot`, with what could not be searched as a text; ``alive`` is called now and then."""
-        self.refused = 0
+        self.refused, self.least = 0, np.inf
         if self._live is not None and isinstance(pose, PoseSequence):
             return self._as_live(pose, alive), ""
         chain, chosen = self.examples.chain, self._settings.spot
@@ -235,7 +242,7 @@ class Spotter:
             found += search.push(signals.values[part], signals.times[part])
             alive()
         found += search.finish()
-        self.refused += search.refused
+        self.refused, self.least = self.refused + search.refused, min(self.least, search.least)
         return found
 
     def push(self, pose: PoseSequence) -> list[Event]:
@@ -280,7 +287,7 @@ class Spotter:
         if going is None:
             return []
         found = going.finish()
-        self.refused += going.refused
+        self.refused, self.least = self.refused + going.refused, min(self.least, going.least)
         return found
 
     def _judged(self, candidates: Sequence[Candidate], pose: PoseSequence | Recording) -> list[Candidate]:

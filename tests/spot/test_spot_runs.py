@@ -65,6 +65,12 @@ def test_what_was_too_far_is_counted_and_the_remedy_named(
     assert row.code == "E_NO_EVENT"
     number = int(row.message.partition(" farther than")[0].rpartition(" ")[2])
     assert number > 3 and "--calibrate" in row.message
+    times = float(row.message.partition("the nearest ")[2].partition(" times as far")[0])
+    wide = changes | {"spot__threshold": 0.01 * times * 1.01}
+    let_in = spot_archive(
+        recordings / "six.npz", drawn.example_keypoints, tmp_path / "wide", engine="inline", **wide
+    )
+    assert 1 <= let_in.counts["ok"] < number, "so many times the threshold lets in the nearest"
     for found in (0, number, number + 1):
         say_summary(RunSummary(tmp_path, {"ok": found}, refused=number))
         said = f"{number} candidates farther than the thresholds; try: a larger" in capsys.readouterr().err
