@@ -105,7 +105,10 @@ def _when(row: Row) -> str:
 
 def _record(row: Row, found: Explanation) -> dict[str, Any]:
     """The row, what it was compared with and at which cost, and what each example adds, for programs."""
-    about = ("input", "person", "event", "label", "status", "code", "distance", "margin", "confidence")
+    about = (
+        "input", "person", "event", "start", "end", "label", "status", "code", "distance", "margin",
+        "confidence", "score",
+    )  # fmt: skip
     return {
         **{key: getattr(row, key) for key in about},
         "nearest": _side(found.nearest),

@@ -120,7 +120,7 @@ def _unknown(found: PageRows) -> str:
     unknown = sorted(set(truth) - {None, NONE, *found.facts["labels"]})
     rows = sum(truth[label] for label in unknown)
     named = ", ".join(map(printable, unknown[:_NAMED])) + (", …" if len(unknown) > _NAMED else "")
-    return f"no example is called {named}: rows that are said to be count as wrong ({rows})" if rows else ""
+    return f"no example is called {named}: rows of such a name count as wrong ({rows})" if rows else ""
 
 
 def check_page_folder(folder: Path) -> None:

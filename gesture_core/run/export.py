@@ -92,7 +92,8 @@ def write_rows(worker: Worker, run: str, format: str, path: str) -> None:
             writer.write(records(), COLUMNS, target)
     except OSError as error:
         cause = f"the file cannot be written: {error.strerror or error}"
-        raise RunFolderError(cause, kept=kept, remedy="free space there", code="E_RUN_WRITE") from error
+        remedy = "another place (--to FILE), its permissions or free space there"
+        raise RunFolderError(cause, kept=kept, remedy=remedy, code="E_RUN_WRITE") from error
     if not target.is_file():
         raise PluginError(f"{entry} wrote no file", kept=kept, code="E_PLUGIN_CONTRACT")
 

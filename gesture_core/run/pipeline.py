@@ -388,7 +388,5 @@ class _Run:
 
 def _largest_video(items: Sequence[Input]) -> tuple[int, Input] | None:
     """The largest file among the videos, and its size."""
-    found = [
-        (item.path.stat().st_size, item) for item in items if item.kind == "video" and item.path.exists()
-    ]
+    found = [(one.path.stat().st_size, one) for one in items if one.kind == "video" and one.path.exists()]
     return max(found, key=lambda pair: pair[0], default=None)

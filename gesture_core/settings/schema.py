@@ -102,11 +102,12 @@ class SignalSettings(_Section):
         What inputs and examples are: people, in videos and keypoint files; or the channels of sensors and
         other series, which have no joints, so that ``normalizer`` does nothing.
     repair : bool
-        Take out joints that jump and come back, and exchange left and right where the frames around say that
-        they are confused. Of channels: leave out one or two readings that are far from all others.
+        Take out joints that jump and come back, and exchange left and right where the frames before and
+        after say that they are confused; of keypoints in two dimensions. Of channels: leave out readings that
+        are far from all others, at most two in a row, as of a sensor that fails for a moment.
     max_gap : float
-        Seconds of a missing joint that are interpolated; one with a longer gap inside keeps its nearest
-        values only if it was seen in ``min_seen`` of the frames.
+        Seconds of a missing joint that are interpolated; a joint with a longer gap inside keeps
+        its nearest values only if it was seen in ``min_seen`` of the frames.
     min_seen : float
         Share of frames in which a joint must be seen to count as present.
     min_frames : int
@@ -118,8 +119,8 @@ class SignalSettings(_Section):
     selector : str
         Name of the plugin that chooses the channels that are compared.
     still : "refuse" or "posture"
-        What a sequence without a salient channel is: refused (E_NO_SALIENT), or a posture that only examples
-        which are still too can match.
+        What a sequence is in which no channel is salient: refused (E_NO_SALIENT), or a posture
+        that can only be matched by examples that are still too.
     """
 
     input: Literal["keypoints", "channels"] = "keypoints"
@@ -164,8 +165,8 @@ class ClassifySettings(_Section):
         Distances above the mean and this many standard deviations of those inside the class get no label;
         where ``reject`` is set too, the lower of the two counts.
     margin : None or float
-        Labels with a smaller lead are rejected (E_UNSURE): of the winner's distance with ``nearest``,
-        otherwise of its score (0 to about 1).
+        Labels with a smaller margin are rejected (E_UNSURE). The margin is the lead of the winner's
+        distance with ``nearest``, otherwise of its score (0 to about 1).
     min_score : None or float
         Labels of a smaller score are rejected (E_REJECTED): what is like no example, or like several classes.
         About 0 for other classes and up to about 1 for the right one, less where examples are few
@@ -182,12 +183,14 @@ class ClassifySettings(_Section):
         Every example also stands for the same movement made with the other hand; the distance to
         that reading is multiplied by this factor, 1 or more.
     coverage : bool
-        Divide a distance by the share of channels, with `relative` of sizes, that both sequences have.
+        Divide a distance by the share of channels that both sequences have; with `relative`, by the
+        share of their sizes that lies in these channels.
     separate : bool
-        One warping for each body part, in dependent mode; legs need not keep the hands' time.
+        One warping for each body part instead of one for all channels, in dependent mode; the
+        distance is their sum, so that legs need not keep the hands' time.
     relative : None or float
-        Power, 0 to 1, to which the sizes of both sequences (their geometric mean) divide a distance; at 1 a
-        large movement is no farther from everything than a small one.
+        Power, 0 to 1, to which the sizes of the two sequences (their geometric mean) divide a
+        distance; at 1 a large movement is no farther from everything than a small one.
     rest : float
         With `relative`: size that every frame has even where nothing moves.
     balance : bool
@@ -237,7 +240,8 @@ class SpotSettings(_Section):
     Attributes
     ----------
     chain : tuple of str
-        Filters instead of ``signals.filters``, where there are any, which should need no other moment.
+        Filters instead of ``signals.filters``, where there are any: what tells a gesture from the next moment
+        should depend on that moment alone.
     floor : float
         Added to the variances of example and event before they divide a cost, in the squared unit of
         the signals, so that a held gesture is not compared by its noise.
@@ -254,7 +258,7 @@ class SpotSettings(_Section):
         Let the classifier decide about each event, too; where it says another label, there is none.
     patience : None or float
         Seconds after its end in which nothing better may come before an event is reported, besides what it
-        lacks of its gesture's usual length; None waits for the recording's end, live half a second.
+        lacks of the usual length of its gesture; None waits as long as one can come, live half a second.
     merge : float
         Seconds between two events of a held gesture that make them one.
     gap : float
@@ -291,7 +295,8 @@ class LimitSettings(_Section):
     memory : int
         Most memory of one worker process, in MiB.
     cache : int
-        Size of the keypoint store in MiB, and of the previews, beyond which what was used longest ago goes.
+        Size of the keypoint store in MiB, beyond which a run deletes what was used longest ago; and of the
+        previews that reports have made.
     """
 
     pixels: int = 64_000_000

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gesture_core.classify.balance import balanced
+from gesture_core.classify.comparison import check_alike
 from gesture_core.errors import ConfigError
 from gesture_core.plugin.abilities import StreamStep
 from gesture_core.settings import Settings
@@ -55,12 +56,14 @@ def at_one_rate(settings: Settings, clips: Sequence[PoseSequence | Recording]) -
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """A filter: every channel times a factor of its own, (D,)."""
+    """A filter: every channel times a factor of its own, (D,); the channels must be those of an example."""
 
     factors: np.ndarray
+    example: Signals
 
     def apply(self, signals: Signals) -> Signals:
         """The scaled signals."""
+        check_alike([signals], "recording", self.example)
         return replace(signals, values=signals.values * self.factors)
 
 
@@ -69,9 +72,11 @@ def of_one_unit(chain: Chain, series: Sequence[Signals], settings: Settings) -> 
 
     Together their channels then have a variance of 1 over all frames.
     """
+    check_alike(series, "example")
     weights = np.array(balanced(series, settings).dtw.weights or np.ones(len(series[0].channels)))
     spread = np.concatenate([one.values for one in series]).astype(np.float64).var(axis=0)
-    return replace(chain, filters=(*chain.filters, Scaled(np.sqrt(weights / float(spread @ weights)))))
+    scaled = Scaled(np.sqrt(weights / float(spread @ weights)), series[0])
+    return replace(chain, filters=(*chain.filters, scaled))
 
 
 def spans(

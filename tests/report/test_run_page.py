@@ -218,7 +218,7 @@ def test_the_command_says_where_it_is_and_refuses_what_is_no_report(
     other.write_text(truth.read_text("utf-8").replace(",wave", ",Wave"), "utf-8")
     capsys.readouterr()
     assert run([*words, str(tmp_path / "page"), "--labels", str(other)]) == 0
-    assert "no example is called Wave: rows that are said to be count as wrong (" in capsys.readouterr().err
+    assert "no example is called Wave: rows of such a name count as wrong (" in capsys.readouterr().err
     with pytest.raises(InputError, match="something else"):
         write_report(folder, mine)
     (mine / "data.js").write_text("const sales = [];", "utf-8")

@@ -149,6 +149,7 @@ def test_an_event_is_explained_by_its_example(
     assert gesture(["explain", str(out), "six.npz", "--event", "2"]) == 0
     why = json.loads(capsys.readouterr().out)
     assert (why["label"], why["event"]) == (rows[1].label, 2)
+    assert [why[key] for key in ("start", "end", "score")] == [rows[1].start, rows[1].end, rows[1].score]
     assert len(list(out.glob("explain-*event2*.png"))) == 1
     assert gesture(["explain", str(out), "six.npz", "--event", "99"]) == 2
     assert f"--event 1 to {len(rows)}" in capsys.readouterr().err

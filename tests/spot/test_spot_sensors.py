@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gesture_core import Spotter, classify_archive, explain, spot_archive
+from gesture_core import Spotter, classify_archive, explain, load_settings, spot_archive
 from gesture_core.cli.main import run as gesture
-from gesture_core.errors import ConfigError
+from gesture_core.errors import ConfigError, InputError
 from gesture_core.run.find import find
 from gesture_core.types import Recording
 
@@ -101,3 +102,17 @@ def test_a_run_over_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_what_happens_now_is_not_found_in_channels() -> None:
     with pytest.raises(ConfigError, match="while they happen"):
         Spotter(*examples(), "sensors", live=True)
+
+
+@pytest.mark.parametrize("verify", [True, False])
+def test_other_channels_are_said_and_never_compared(verify: bool) -> None:
+    settings = load_settings("sensors", spot__verify=verify, environment={})
+    clips, labels = examples()
+    renamed = replace(clips[0], channels=(*CHANNELS[:3], "mag/x", "mag/y", "mag/z"), source="odd")
+    fewer = replace(clips[0], values=clips[0].values[:, :3], channels=CHANNELS[:3], source="odd")
+    spotter = Spotter(clips, labels, settings)
+    for other in (renamed, fewer):
+        with pytest.raises(InputError, match=r"odd: .*other channels than the examples.*lacks gyro/x"):
+            spotter.spot(other)
+        with pytest.raises(InputError, match=r"example 6 \(odd\) has other channels than example 0"):
+            Spotter([*clips, other], [*labels, "turn"], settings)
