@@ -61,10 +61,11 @@ class RunSummary:
     lost_classes : tuple of str
         Labels of which no example can be used, or whose folder holds none: no input can get them.
     assumed : mapping
-        What was assumed, such as the frames a second of keypoints without times, and of how many inputs
-        and examples that this run looked at.
+        What files do not say and was assumed, such as the frames a second of keypoints without
+        times, and of how many inputs and examples that this run looked at.
     notes : mapping
-        What else is worth knowing of them, such as pixels that are not square, and of how many.
+        What is worth knowing of inputs and examples that this run looked at and of which nothing is lost,
+        such as pixels that are not square, and of how many.
     classes : mapping
         Number of examples that can be used, by label.
     sided : tuple of str
@@ -133,7 +134,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         plan = make_plan(request, results, assistant)
         listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
         if plan.waiting and "video" in plan.identity:
-            listener.network(described(plan.settings, hint=not results.counts()))  # once for a run folder
+            first = not results.counts()  # what is said once need not be said by every command
+            listener.network(described(plan.settings, hint=first))
         run = _Run(request, plan, results, assistant, listener)
         if plan.waiting:
             run.work()
