@@ -262,7 +262,7 @@ def _print_confidence(evaluation: Evaluation) -> None:
     if point is None:
         print(f"{goal} no classify.confidence is high enough")
     elif point == evaluation.confidence_curve()[0]:
-        print(f"{goal} no limit is needed: {point[2]:.0%} of the labels are right")
+        print(f"{goal} no classify.confidence is needed: {point[2]:.0%} of the labels are right")
     else:
         limit = int(1000 * point[0]) / 1000  # below the input that it is to keep
         print(f"{goal} use --set classify.confidence={limit:g}: {point[1]:.0%} of the inputs keep a label")
