@@ -226,7 +226,7 @@ def _cropped(frame: np.ndarray, left: float, top: float, side: float) -> np.ndar
         return picture
     scale = SIDE / length
     size = max(1, round(inner.shape[1] * scale)), max(1, round(inner.shape[0] * scale))
-    # Averages of areas take five times as long, and are needed only where pixels would be left out.
+    # Averages of areas cost more, and are needed only where pixels would be left out.
     small = cv2.resize(inner, size, interpolation=cv2.INTER_AREA if scale < 0.5 else cv2.INTER_LINEAR)
     down, across = max(0, round(-y * scale)), max(0, round(-x * scale))
     room = picture[down : down + size[1], across : across + size[0]]
