@@ -150,12 +150,16 @@ def test_a_video_is_one_under_any_name(drawn: DemoArchive, tmp_path: Path) -> No
 
 def test_streams_without_a_container_are_known_by_their_first_unit(tmp_path: Path) -> None:
     av = pytest.importorskip("av", reason="clips are made with PyAV")
-    for number, (encoder, container) in enumerate((("libx264", "h264"), ("libx265", "hevc"))):
+    streams = {"h264": "libx264", "hevc": "libx265", "m4v": "mpeg4", "dv": "dvvideo", "apng": "apng"}
+    for number, (container, encoder) in enumerate(streams.items()):
+        size = (720, 576) if container == "dv" else (64, 64)
+        pixels = "rgb24" if container == "apng" else "yuv420p"
         with av.open(str(tmp_path / f"clip_{number}"), "w", format=container) as out:
             stream = out.add_stream(encoder, rate=25)
-            stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
-            for _ in range(4):
-                out.mux(stream.encode(av.VideoFrame.from_ndarray(np.zeros((64, 64, 3), np.uint8), "bgr24")))
+            (stream.width, stream.height), stream.pix_fmt = size, pixels
+            for shade in range(4):
+                picture = np.full((size[1], size[0], 3), 20 * shade, np.uint8)
+                out.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "bgr24").reformat(format=pixels)))
             out.mux(stream.encode())
         assert one(tmp_path / f"clip_{number}").kind == "video"
         with open_video(tmp_path / f"clip_{number}", "pyav") as video:
