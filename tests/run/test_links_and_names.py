@@ -88,6 +88,11 @@ def test_a_frame_whose_content_is_not_here_is_named(tmp_path: Path, drawn: DemoA
     annexed(frame, tmp_path / "store").unlink()
     with pytest.raises(GestureError, match="git annex get"):
         load_poses(tmp_path / "k")
+    for other in sorted((tmp_path / "k" / "1").iterdir()):
+        if other.exists():
+            annexed(other, tmp_path / "store").unlink()
+    clip, first = discover([tmp_path / "k"])
+    assert clip.path == first.path.parent == tmp_path / "k" / "1", "a row for each frame is too many"
 
 
 @pytest.mark.parametrize("what", ["loop", "fifo", "device", "proc", "link to proc", "socket"])
@@ -129,6 +134,11 @@ def test_pointers_are_told_from_content(tmp_path: Path) -> None:
     (tmp_path / "b.mp4").write_bytes(b"/annex/objects/SHA256E-s1--2.mp4\n")
     with pytest.raises(MediaError, match=r"git annex get b\.mp4"):
         open_video(tmp_path / "b.mp4")
+    for suffix in ("npz", "npy", "csv", "json", "parquet", "mat"):
+        path = tmp_path / f"c.{suffix}"
+        path.write_bytes(lfs)
+        item = one(path)
+        assert item.kind == "broken" and item.remedy == "git lfs pull", (suffix, item.fault)
 
 
 NAMES = (
