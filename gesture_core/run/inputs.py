@@ -341,7 +341,7 @@ class Walk:
                 yield Input(path, name, "video", stamp=stamp)
             elif trouble:
                 yield _broken(path, *trouble)
-            elif path.suffix.lower() in self._readers.suffixes and (fault := pointer(path)):
+            elif path.suffix.lower() in self._readers.suffixes | {".dvc"} and (fault := pointer(path)):
                 yield _broken(path, "E_READ", *fault)
             else:
                 yield Input(path, name, "other", fault=self._readers.why_not(path) if say_why else "")

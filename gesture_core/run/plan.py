@@ -210,7 +210,8 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
         for item in labelled
         if item.kind != "other" or (item.label and item.path.suffix.lower() not in COMPANIONS)
     ]
-    clips = {item.path.with_suffix("") for item in meant if item.kind != "other"}
+    named = [item.path for item in meant if item.kind != "other"]
+    clips = {*named, *(path.with_suffix("") for path in named)}
     beside = {
         item.key: item.name for item in meant if item.kind == "other" and item.path.with_suffix("") in clips
     }

@@ -139,6 +139,11 @@ def test_pointers_are_told_from_content(tmp_path: Path) -> None:
         path.write_bytes(lfs)
         item = one(path)
         assert item.kind == "broken" and item.remedy == "git lfs pull", (suffix, item.fault)
+    (tmp_path / "d.mp4.dvc").write_text("outs:\n- md5: 12\n  path: d.mp4\n")
+    item = one(tmp_path / "d.mp4.dvc")
+    assert item.kind == "broken" and item.remedy == "dvc pull"
+    (tmp_path / "d.mp4").write_bytes(b"its content")
+    assert one(tmp_path / "d.mp4.dvc").kind == "other"
 
 
 NAMES = (
@@ -218,3 +223,14 @@ def test_what_is_no_video_is_passed_over_as_before(tmp_path: Path, name: str, co
     (tmp_path / name).write_bytes(content)
     item = one(tmp_path)
     assert item.kind == "other" and item.fault
+
+
+def test_files_beside_clips_of_their_names_are_no_lost_examples(tmp_path: Path) -> None:
+    for joint, label in ((4, "right"), (7, "left")):
+        write_clip(tmp_path / "examples" / label / "1.npz", 40, joint)
+        for name in ("1.npz.dvc", "1.eaf"):
+            (tmp_path / "examples" / label / name).write_text("outs: []")
+    write_clip(tmp_path / "in" / "a.npz", 30, 4, seed=1)
+    with pytest.warns(UserWarning, match="files beside clips of their names: 4"):
+        summary = classify_archive(tmp_path / "in", tmp_path / "examples", tmp_path / "run", "paper")
+    assert summary.exit_code == 0 and not summary.failed_examples
