@@ -129,12 +129,12 @@ def test_the_threshold_says_what_it_keeps_and_what_to_type(opened: Any, page: Pa
 def test_a_trial_gives_no_label_that_another_limit_of_the_run_refuses(opened: Any) -> None:
     keeps = """
         const {data, keeps} = gesture, own = {...data};
-        const row = {best: "a", label: null, code: "E_REJECTED", distance: 0.9};
+        const row = {best: "a", label: null, code: "E_REJECTED", distance: 0.9, score: arguments[2]};
         try {
             Object.assign(data, {reject: arguments[0], min_score: arguments[1]});
             return keeps(row, {by: "distance", value: 2});
         } finally { Object.assign(data, own); }"""
-    cases = {(0.5, None): True, (0.5, 0.2): True, (1.2, 0.2): False, (None, 0.2): False}
+    cases = {(0.5, None, None): True, (0.5, 0.2, 0.3): True, (0.5, 0.2, 0.1): False, (None, 0.2, 0.1): False}
     assert {case: opened.execute_script(keeps, *case) for case in cases} == cases
 
 
