@@ -41,8 +41,8 @@ def explanation_plot(
 
     Above: the query between the nearest example and the runner-up, all on one scale of seconds, and lines
     between the moments that were matched; pictures, or the channel that differs most where there are none.
-    Below: the channels that differ most, at the query's time. The query is black, the example of the answer green,
-    that of the runner-up purple and broken.
+    Below: the channels that differ most, at the query's time. The query is black, the example of the
+    answer green, that of the runner-up purple and broken.
 
     Parameters
     ----------

@@ -274,9 +274,7 @@ def labelled_inputs(
     return labelled
 
 
-def subjects_of(
-    items: Sequence[Input], pattern: str, sources: Sequence[str], *, explicit: bool
-) -> list[str]:
+def subjects_of(items: Sequence[Input], pattern: str, sources: Sequence[str], *, explicit: bool) -> list[str]:
     """Who performs each of the ``items``; empty where nothing says how to tell."""
     level = LEVEL.fullmatch(pattern)
     if not explicit and (level or "(?P<subject>" not in pattern):
