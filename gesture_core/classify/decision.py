@@ -249,7 +249,7 @@ def decide(
                 message,
                 note,
                 None if votes.chances is None else round(float(votes.chances[index]), _DECIMALS),
-                None if asked.min_score is None else round(float(score), _DECIMALS),
+                None if asked.min_score is None else float(score),
             )
         )
     return predictions

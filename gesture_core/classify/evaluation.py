@@ -162,7 +162,8 @@ def folds(
     if protocol in ("leave-one-subject-out", "donor") and len(known) < 2:
         raise ConfigError(
             f"protocol {protocol} needs two subjects and there is {len(known)}",
-            remedy="--subjects with a regular expression that finds them, or --protocol leave-one-out",
+            remedy="--subjects with a regular expression that finds them, or folder:0 where each has a "
+            "folder, or --protocol leave-one-out",
             code="E_SUBJECTS",
         )
     if protocol == "leave-one-subject-out":

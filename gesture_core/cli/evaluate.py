@@ -65,7 +65,8 @@ def evaluate(
     label_columns
         With a CSV file: its headings of path and label, such as filename,class; 1,2 where it has none.
     subjects
-        Regular expression whose group (?P<subject>...), or first group, finds who performs in the name.
+        Who performs: a regular expression whose group (?P<subject>...), or first group, finds it in the name;
+        or folder:0, the first folder below the source, folder:-1, the one that holds the clip.
     protocol
         leave-one-subject-out, leave-one-out, donor (one subject gives one example a class), or split.
     train

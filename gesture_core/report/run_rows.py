@@ -336,7 +336,7 @@ def _sureness(rows: Sequence[Row]) -> str:
 
     Of events their score, where it was calibrated the probability, otherwise the margin, which is none.
     """
-    if any(row.event and row.score is not None for row in rows):
+    if any(row.event for row in rows):
         return "score"
     return "margin" if all(row.confidence is None for row in rows) else "confidence"
 
