@@ -264,6 +264,7 @@ def test_what_is_like_no_example_gets_no_label_by_its_score() -> None:
     scores = model.decision_function([*queries, *strangers]).max(axis=1)
     assert scores[:-1].min() > 0.2 > scores[-1]
     assert model.predict([*queries, *strangers]).tolist() == [*truth, "(none)"]
+    assert GestureClassifier(ALL).fit(poses, labels).predictions(queries)[0].score is None
     row = model.predictions(strangers)[0]
     assert (row.label, row.status, row.code) == (None, "rejected", "E_REJECTED")
     assert f"at best, with a score of {scores[-1]:.4g}, below 0.2; try: " in row.message

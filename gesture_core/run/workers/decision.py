@@ -115,7 +115,7 @@ class Decider:
         with _writing(folder):
             self._recognizer.save(folder / FITTED, {"fingerprint": fingerprint, "examples": self._names})
         self.keep_distances(run)
-        return ""
+        return self._recognizer.note
 
     def open_fitted(self, run: str, fingerprint: str, names: Sequence[str]) -> bool:
         """Take the fitted examples that `fit` has left in the run folder; False where it has not.
