@@ -86,7 +86,7 @@ def read_rows(
         keyed = list(results.keyed_rows())
         configuration = results.configuration
         fingerprint = results.get("fingerprint") or ""
-    recognizer = open_fitted(run, fingerprint)
+    recognizer = open_fitted(run, fingerprint, configuration.get("examples", ()))
     settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])
     examples = {
         name: _Example(index, name, one)
