@@ -62,8 +62,8 @@ class NumbaSubsequences(SubsequenceState):
 
     def advance(self, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(B, N) accumulated costs and lengths."""
-        x: np.ndarray = np.zeros((len(frames), len(self._padded)), np.float32)
-        x[:, : frames.shape[1]] = frames
+        missing = len(self._padded) - frames.shape[1]
+        x = np.pad(frames, ((0, 0), (0, missing))) if missing else frames
         costs: np.ndarray = np.empty((len(x), len(self.frames)), np.float32)
         lengths: np.ndarray = np.empty(costs.shape, np.int32)
 
@@ -84,15 +84,15 @@ class NumbaSubsequences(SubsequenceState):
         else:
             part(self._cuts)
         self._turn = (self._turn + len(x)) % 3
-        return costs.astype(np.float64), lengths
+        return costs, lengths
 
-    def variances(
-        self, sums: np.ndarray, squares: np.ndarray, before: int, lengths: np.ndarray
-    ) -> np.ndarray:
-        """(B, N) variances of subsequences."""
-        out: np.ndarray = np.zeros(lengths.shape)
-        spreads(sums, squares, before, lengths, out)
-        return out
+    def relative(self, costs: np.ndarray, lengths: np.ndarray, before: int) -> tuple[np.ndarray, np.ndarray]:
+        """(B, N) distances and lengths."""
+        distances = np.empty(costs.shape)
+        relate(
+            costs, lengths, self._sums, self._squares, before, self.frames, self.spread, self.floor, distances
+        )
+        return distances, lengths
 
     def running(self, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The sums as they are, and after each of the frames."""
@@ -175,8 +175,10 @@ def _lengthen(span: Any, span_one: Any, span_two: Any, choice: Any) -> None:
     one, two = np.float32(1), np.float32(2)
     cells, from_one, wait_one = span[2:], span_one[1:], span_two[1:]
     for k in range(len(cells)):
-        length = span_one[k] if choice[k] == one else from_one[k]
-        cells[k] = (wait_one[k] + two) if choice[k] == two else (length + one)
+        # All are read before one is chosen: else the choice is one of addresses, which is read cell by cell.
+        skip, both, wait, kind = span_one[k], from_one[k], wait_one[k], choice[k]
+        length = skip if kind == one else both
+        cells[k] = (wait + two) if kind == two else (length + one)
 
 
 def _follow(
@@ -220,26 +222,36 @@ def _follow(
 
 def _add_up(frames: Any, before: Any, sums: Any, squares: Any) -> None:
     for t in range(len(frames)):
-        row, total = before + t, 0.0
-        for d in range(frames.shape[1]):
-            value = float(frames[t, d])
-            sums[row, d] = sums[row - 1, d] + value
+        now, last, values = sums[before + t], sums[before + t - 1], frames[t]
+        total = 0.0
+        for d in range(len(values)):
+            value = float(values[d])
+            now[d] = last[d] + value
             total += value * value
-        squares[row] = squares[row - 1] + total
+        squares[before + t] = squares[before + t - 1] + total
 
 
-def _spreads(sums: Any, squares: Any, before: Any, lengths: Any, out: Any) -> None:
-    for b in range(lengths.shape[0]):
+def _relate(
+    costs: Any, lengths: Any, sums: Any, squares: Any, before: Any, frames: Any, spread: Any, floor: Any,
+    distances: Any,
+) -> None:  # fmt: skip
+    far = np.float32(UNREACHABLE / 10)
+    for b in range(costs.shape[0]):
         row = before + b
-        for n in range(lengths.shape[1]):
-            length = lengths[b, n]
-            if length > 0:
-                total = 0.0
-                for d in range(sums.shape[1]):
-                    difference = sums[row, d] - sums[row - length, d]
-                    total += difference * difference
-                whole = (squares[row] - squares[row - length]) / length
-                out[b, n] = max(whole - total / (float(length) * length), 0.0)
+        for n in range(costs.shape[1]):
+            distances[b, n] = np.inf
+            if not costs[b, n] < far:
+                lengths[b, n] = 0
+                continue
+            length, total = lengths[b, n], 0.0
+            now, then = sums[row], sums[row - length]
+            for d in range(len(now)):
+                difference = now[d] - then[d]
+                total += difference * difference
+            variance = max((squares[row] - squares[row - length] - total / length) / length, 0.0)
+            size = np.sqrt((spread[n] + floor) * (variance + floor))
+            if size > 0:
+                distances[b, n] = costs[b, n] / frames[n] / size
 
 
 # A product and the sum that takes it may be one instruction, in both alike: no bit depends on the block.
@@ -249,6 +261,6 @@ choose = compiled(_choose)
 pay = compiled(_pay)
 lengthen = compiled(_lengthen)
 follow = compiled(_follow)
-add_up = compiled(_add_up)
-# Its sums may be added in any order, which is the same for every cell of every block.
-spreads = compiled(_spreads, fastmath={"reassoc", "nsz", "contract"})
+# Their sums over the channels may be added in any order, which is the same for every frame of every block.
+add_up = compiled(_add_up, fastmath={"reassoc", "nsz", "contract"})
+relate = compiled(_relate, fastmath={"reassoc", "nsz", "contract"})
