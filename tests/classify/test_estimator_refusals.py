@@ -203,8 +203,8 @@ def test_what_has_no_order_or_no_elements_is_named() -> None:
             return iter(self.columns)
 
     poses, labels = data()
-    model = GestureClassifier("paper").fit(iter(poses), (label for label in labels))
-    assert model.predict(iter(poses)).tolist() == labels
+    model = GestureClassifier("paper").fit(iter(poses), (label for label in labels))  # type: ignore[arg-type]
+    assert model.predict(iter(poses)).tolist() == labels  # type: ignore[arg-type]
     for X in (None, 3, {"a": poses[0]}, set(labels), np.array(3.0)):
         kind = type(X).__name__
         for use in (model.predict, model.predictions, lambda X: GestureClassifier("paper").fit(X, labels)):
@@ -217,7 +217,7 @@ def test_what_has_no_order_or_no_elements_is_named() -> None:
         with pytest.raises(InputError, match=f"queries are a {type(one).__name__}, expected a sequence"):
             warping_distances(one, [np.zeros(3)], kernel="numpy")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"query 0 is a PoseSequence, expected \(T,\) or"):
-        warping_distances(poses, poses, kernel="numpy")  # type: ignore[arg-type]
+        warping_distances(poses, poses, kernel="numpy")
 
 
 def test_a_value_that_pandas_calls_missing_is_a_missing_label() -> None:
