@@ -19,6 +19,7 @@ from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
+from itertools import filterfalse
 from typing import Any
 
 import pluggy
@@ -79,7 +80,7 @@ class Registration:
     @property
     def missing(self) -> tuple[str, ...]:
         """Modules that it needs and that are not installed."""
-        return tuple(module for module in self.needs if not _installed(module))
+        return tuple(filterfalse(_installed, self.needs))
 
     @property
     def install(self) -> str:
@@ -247,12 +248,16 @@ class Registry:
 def _parameters(factory: Any) -> list[str] | None:
     """Names that the constructor takes as keywords; None where it takes any, or says nothing of itself."""
     try:
-        taken = inspect.signature(factory).parameters.values()
+        taken = inspect.signature(factory).parameters
     except (TypeError, ValueError):  # a class of another language
         return None
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken):
-        return None
-    return [parameter.name for parameter in taken if parameter.kind is not parameter.POSITIONAL_ONLY]
+    names = []
+    for name, parameter in taken.items():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            return None
+        if parameter.kind is not parameter.POSITIONAL_ONLY:
+            names.append(name)
+    return names
 
 
 @contextmanager

@@ -135,7 +135,7 @@ class JointChoice:
                 for own, other in (pair, pair[::-1])
             ]
             chosen = _Sequence(lengths, torso, roots, pools, exchange).cheapest(steps)
-            way, *picks = np.unravel_index(chosen, (2, *(pool.costs.shape[2] for pool in pools)))
+            way, *picks = np.unravel_index(chosen, (2, *[pool.costs.shape[2] for pool in pools]))
             points[:, root] = roots[every, way]
             turned = way == 1
             scores[np.ix_(turned, root)] = scores[np.ix_(turned, root[::-1])]
