@@ -80,11 +80,7 @@ def _blazehand(outputs: list[np.ndarray]) -> list[list[Person]]:
 
 
 def _openpose(
-    outputs: list[np.ndarray],
-    contract: ModelContract,
-    input_size: tuple[int, int],
-    people: str,
-    floor: float,
+    outputs: list[np.ndarray], contract: ModelContract, input_size: tuple[int, int], people: str, floor: float
 ) -> list[list[Person]]:
     at, apart = split_openpose([out.shape for out in outputs], contract.skeleton)
     joints = len(skeleton(contract.skeleton).joints)

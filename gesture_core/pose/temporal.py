@@ -25,10 +25,7 @@ _SPAN = 31
 """Frames of the running median of the torso's length."""
 # Parts of a limb, and how long its upper and lower half can look in torso lengths, after Drillis and
 # Contini (1966), with a little room for the perspective of a near camera.
-_LIMBS = (
-    (("shoulder", "elbow", "wrist"), (0.65, 0.6)),
-    (("hip", "knee", "ankle"), (1.1, 1.1)),
-)
+_LIMBS = ((("shoulder", "elbow", "wrist"), (0.65, 0.6)), (("hip", "knee", "ankle"), (1.1, 1.1)))
 
 
 # Costs that decide the choice; lengths in torsos (shoulders to hips), times in seconds.

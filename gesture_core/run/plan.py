@@ -310,12 +310,7 @@ def _part(shard: str, found: Sequence[Input], inputs: Sequence[Input]) -> dict[s
     names = hashlib.sha256()
     for name in sorted(map(attrgetter("name"), found)):
         names.update(name.encode("utf-8", "surrogatepass") + b"\0")
-    return {
-        "shard": shard,
-        "inputs": len(inputs),
-        "found": len(found),
-        "names": names.hexdigest()[:16],
-    }
+    return {"shard": shard, "inputs": len(inputs), "found": len(found), "names": names.hexdigest()[:16]}
 
 
 def _check_same_shard(results: Results, shard: str) -> None:
