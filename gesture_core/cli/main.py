@@ -107,7 +107,7 @@ def run(arguments: Sequence[str]) -> int:
     finally:
         logging.getLogger("gesture_core").removeHandler(notes)
         for name in map(FLAGS_OF_EVERY_COMMAND.__getitem__, asked):
-            del os.environ[name]
+            os.environ.pop(name, None)
             os.environ.update({name: before[name]} if name in before else {})
 
 
