@@ -178,8 +178,8 @@ class Registry:
         if broken:
             cause += f" ({'; '.join(f'{fault.origin}: {fault.cause}' for fault in broken)})"
         known = [*self.names(kind), *others]
-        every = f"one of {', '.join(known) or '(none)'}"
-        raise PluginError(cause, remedy=near(name, known, every), code="E_PLUGIN_UNKNOWN")
+        remedy = near(name, known, f"one of {', '.join(known) or '(none)'}")
+        raise PluginError(cause, remedy=remedy, code="E_PLUGIN_UNKNOWN")
 
     def load(self, kind: str, name: str) -> type[Any]:
         """Import the class of a plugin.
@@ -224,8 +224,7 @@ class Registry:
         PluginError
             Where it raises anything else.
         """
-        entry = self.find(kind, name)
-        factory = self.load(kind, name)
+        entry, factory = self.find(kind, name), self.load(kind, name)
         options, known = options or {}, _parameters(factory)
         remedy = f"'gesture plugins {name}' lists its options"
         own = [one for one in known or () if one not in KINDS[kind].filled]
@@ -296,9 +295,7 @@ def calling(
         if not isinstance(plugin, Registration | Origin):
             error.cause += f" ({name})"
         raise
-    except GestureError:
-        raise
-    except passing:
+    except (GestureError, *passing):  # type: ignore[misc]  # the star is more than mypy sees through
         raise
     except MemoryError as error:
         more = "a larger --set limits.memory=… (or GESTURE_SET_LIMITS__MEMORY), and --retry-errors"
