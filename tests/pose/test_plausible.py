@@ -57,7 +57,6 @@ REFUSED: dict[str, tuple[Callable[[np.ndarray], np.ndarray], dict[str, object], 
         lambda p: p / [640, 480], {"unit": "pixels"}, "keypoints.unit=shares", {"unit": "shares"},
     ),
     "pixels as shares": (lambda p: p, {"unit": "shares"}, "keypoints.unit=pixels", {"unit": "pixels"}),
-    "pixels as metres": (lambda p: p, {"unit": "metres"}, "keypoints.unit=pixels", {"unit": "pixels"}),
     "another order": (as_h36m, {}, "keypoints.order=h36m17", {"order": ("h36m17",)}),
 }  # fmt: skip
 

@@ -256,7 +256,11 @@ def _with_scores(points: np.ndarray, scores: np.ndarray, source: str) -> np.ndar
 
 
 def _shapes(archive: zipfile.ZipFile, keys: Members, path: Path) -> Mapping[str, tuple[int, ...]]:
-    return {key: shape_of(archive, info, printable(path)) for key, info in keys.items()}
+    main = [key for key in KEYPOINTS if key in keys]
+    return {
+        key: shape_of(archive, info, printable(path), objects=bool(main) and key not in main)
+        for key, info in keys.items()
+    }
 
 
 def _sequence_names(shapes: Mapping[str, tuple[int, ...]], options: ReadOptions) -> list[str]:
