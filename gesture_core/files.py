@@ -163,6 +163,18 @@ def _pointer(path: Path, head: bytes) -> tuple[str, str] | None:
     return None
 
 
+def pointer(path: Path) -> tuple[str, str] | None:
+    """Cause and remedy where a regular file only stands for content that is elsewhere."""
+    if path.suffix == ".dvc":
+        absent = not path.with_suffix("").exists()
+        return ("is a pointer of DVC, and its content is not here", "dvc pull") if absent else None
+    with suppress(OSError):
+        if path.stat().st_size < _LONGEST_POINTER:
+            with path.open("rb") as file:
+                return _pointer(path, file.read(64))
+    return None
+
+
 def open_regular(path: Path, limit: int, error: type[GestureError], codes: tuple[str, str, str]) -> BinaryIO:
     """Open the regular file ``path`` of at most ``limit`` bytes for reading.
 

@@ -127,6 +127,8 @@ class Prediction:
     confidence : float or None
         Probability that the winner is right, calibrated on the examples; only where `classify.confidence`
         asks for it.
+    score : float or None
+        The winner's score, highest of all classes; only where `classify.min_score` asks for it.
     neighbors : tuple of (example, label, distance)
         The k nearest examples, nearest first; where all examples decide, the nearest one of each of
         the three best classes, best class first.
@@ -148,6 +150,7 @@ class Prediction:
     message: str = ""
     note: str = ""
     confidence: float | None = None
+    score: float | None = None
 
 
 @dataclass(frozen=True)
@@ -234,7 +237,7 @@ class Row:
     event : int
         Number of the event in a long recording, from 1; 0 where a row is about the whole input.
     score : float or None
-        That of an `Event`, where the row is about one.
+        That of an `Event`, where the row is about one; otherwise that of a `Prediction`.
     """
 
     input: str

@@ -23,6 +23,8 @@ _MOST = 200
 """Times that examples are left out."""
 _TEACHING = 6
 """Times as many examples teach as there are landmarks, at most: what more would add is noise."""
+_FRAMES = 64
+"""Frames of what orders the examples."""
 
 Series = Sequence[Signals | np.ndarray]
 State = Mapping[str, np.ndarray]
@@ -227,8 +229,9 @@ def left_out(
         return np.asarray(classifier.left_out(examples, codes, classes, distances), np.float64)
     count = len(codes)
     scores: np.ndarray = np.full((count, classes), -np.inf)
+    order = content_order(examples) if count > _MOST and len(examples) else np.arange(count)
     for start in range(min(count, _MOST)):
-        out = np.arange(start, count, _MOST)
+        out = np.sort(order[start::_MOST])
         rest = np.delete(np.arange(count), out)
         known, asked = ([examples[i] for i in some.tolist()] if len(examples) else () for some in (rest, out))
         within, block = distances[np.ix_(rest, rest)], distances[np.ix_(out, rest)]
@@ -250,16 +253,17 @@ def nearest_of(distances: np.ndarray, codes: np.ndarray, classes: int) -> tuple[
     return nearest, firsts
 
 
-def landmarks(codes: np.ndarray, chosen: ClassifySettings) -> np.ndarray:
+def landmarks(series: Series, codes: np.ndarray, chosen: ClassifySettings) -> np.ndarray:
     """Indices of the examples with the given (N,) codes that the others have to be compared with.
 
     All of them, or as many as ``classify.landmarks`` allows: of each class its share, one at least, evenly
-    spread. A Nystrom approximation (Williams and Seeger 2001) of the similarities among all.
+    spread over the `content_order` of ``series``. A Nystrom approximation (Williams and Seeger 2001) of the
+    similarities among all.
     """
-    return _spread(codes, chosen, chosen.landmarks)
+    return _spread(series, codes, chosen, chosen.landmarks)
 
 
-def teaching(codes: np.ndarray, settings: Settings) -> np.ndarray:
+def teaching(series: Series, codes: np.ndarray, settings: Settings) -> np.ndarray:
     """Indices of the examples with the given (N,) codes that are learned from.
 
     All of them; but where they are compared with the landmarks for it, `_TEACHING` times as many as these at
@@ -267,19 +271,41 @@ def teaching(codes: np.ndarray, settings: Settings) -> np.ndarray:
     """
     chosen = settings.classify
     most = _TEACHING * chosen.landmarks if needs_distances(settings) else len(codes)
-    return _spread(codes, chosen, most)
+    return _spread(series, codes, chosen, most)
 
 
-def _spread(codes: np.ndarray, chosen: ClassifySettings, most: int) -> np.ndarray:
+def _spread(series: Series, codes: np.ndarray, chosen: ClassifySettings, most: int) -> np.ndarray:
     """All indices, or about ``most``: of each class its share, one at least, evenly spread."""
     if chosen.votes or chosen.representative or len(codes) <= most:
         return np.arange(len(codes))
-    marks = []
+    marks, order = [], content_order(series) if len(series) else np.arange(len(codes))
     for code in np.unique(codes):
-        own = np.flatnonzero(codes == code)
+        own = order[codes[order] == code]
         count = max(1, most * len(own) // len(codes))
         marks.append(own[np.linspace(0, len(own) - 1, count).round().astype(int)])
     return np.sort(np.concatenate(marks))
+
+
+def content_order(series: Series) -> np.ndarray:
+    """Indices of ``series`` in an order of their own, whatever the one in which they are given.
+
+    That of a random projection of each: unlike the order of a hash it does not turn over where a last digit
+    differs, as between machines, and what is added moves the others by one place at most.
+    """
+    weights = np.random.default_rng(0).normal(size=resampled(series[0], _FRAMES).shape)
+    return np.argsort([np.sum(weights * resampled(item, _FRAMES)) for item in series], kind="stable")
+
+
+def resampled(item: Signals | np.ndarray, frames: int) -> np.ndarray:
+    """(D, frames) float64 by linear interpolation from the first frame to the last one; zero where absent."""
+    values = np.asarray(item.values if isinstance(item, Signals) else item, np.float64)
+    if isinstance(item, Signals):
+        values = np.where(np.asarray(item.present), values, 0.0)
+    places = np.linspace(0, len(values) - 1, frames)
+    before = np.minimum(places.astype(int), len(values) - 1)
+    after, share = np.minimum(before + 1, len(values) - 1), (places - places.astype(int))[:, None]
+    found: np.ndarray = (values[before] * (1 - share) + values[after] * share).T
+    return found
 
 
 def needs_distances(settings: Settings) -> bool:
@@ -313,7 +339,7 @@ def learn(
         there are examples.
     """
     chosen = settings.classify
-    kept = landmarks(codes, chosen)
+    kept = landmarks(series, codes, chosen)
     thresholds = None if chosen.reject is None else np.full(classes, chosen.reject)
     if within is not None and chosen.representative:
         kept = medoids(within, codes)

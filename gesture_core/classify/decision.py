@@ -214,12 +214,11 @@ def decide(
         neighbors = tuple(
             (library.names[i], str(library.labels[i]), float(distances[index, i])) for i in named
         )
-        message = ""
+        message, score = "", votes.scores[index, winner]
         if code == "E_REJECTED" and thresholds is not None and not distance <= thresholds[winner]:
             limit = thresholds[winner]
             message = f"{label} at best, whose nearest example is at {distance:.4g}, above {limit:.4g}"
         elif code == "E_REJECTED":
-            score = votes.scores[index, winner]
             message = (
                 f"{label} at best, with a score of {score:.4g}, below {asked.min_score:.4g}; "
                 "try: more examples of it, or a lower --set classify.min_score=…"
@@ -250,6 +249,7 @@ def decide(
                 message,
                 note,
                 None if votes.chances is None else round(float(votes.chances[index]), _DECIMALS),
+                None if asked.min_score is None else float(score),
             )
         )
     return predictions

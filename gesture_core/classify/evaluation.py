@@ -60,7 +60,7 @@ class Compared:
     still : (M,) bool array, optional
         Sequences in which nothing moves.
     series : sequence of M Signals
-        For classifiers that look at the signals; may be empty for the others.
+        For classifiers that look at the signals, and for choosing among many; may be empty otherwise.
     """
 
     data: Labelled
@@ -162,7 +162,8 @@ def folds(
     if protocol in ("leave-one-subject-out", "donor") and len(known) < 2:
         raise ConfigError(
             f"protocol {protocol} needs two subjects and there is {len(known)}",
-            remedy="--subjects with a regular expression that finds them, or --protocol leave-one-out",
+            remedy="--subjects with a regular expression that finds them, or folder:0 where each has a "
+            "folder, or --protocol leave-one-out",
             code="E_SUBJECTS",
         )
     if protocol == "leave-one-subject-out":
@@ -216,8 +217,8 @@ def answer(
         every = Fitted.fit(settings, compared.series, codes, len(classes), within)
         temperature = _temperature(every, within, compared.series, chosen)
     for fold in folds(protocol, codes, subjects, within, train):
-        taught = fold.train[teaching(codes[fold.train], settings)]
-        marks = taught[landmarks(codes[taught], chosen)]
+        taught = fold.train[teaching(compared.of(fold.train), codes[fold.train], settings)]
+        marks = taught[landmarks(compared.of(taught), codes[taught], chosen)]
         among = within[np.ix_(taught, marks)] if needs_distances(settings) else None
         known = compared.of(taught)
         kept, thresholds, fitted = learn(settings, known, codes[taught], len(classes), among)

@@ -76,6 +76,8 @@ class Recognizer:
         With these examples.
     within : (N, N) array, optional
         Distances among them, where `fit` had to compute them.
+    note : str
+        What was not done with all examples, mostly empty.
     """
 
     settings: Settings
@@ -85,6 +87,7 @@ class Recognizer:
     fitted: Fitted
     comparison: Comparison
     within: np.ndarray | None = None
+    note: str = ""
 
     @classmethod
     def fit(
@@ -128,10 +131,10 @@ class Recognizer:
                 code="E_NEIGHBORS",
             )
         warn_of_contradictions(library, stacklevel + 1)
-        taught = teaching(library.codes, settings)
-        if len(taught) < len(library):
+        given, taught = len(library), teaching(library.series, library.codes, settings)
+        if len(taught) < given:
             library = library.take(taught)
-        marks = landmarks(library.codes, chosen)
+        marks = landmarks(library.series, library.codes, chosen)
         comparison = Comparison([library.series[i] for i in marks], settings, known)
         within = _among(library.series, comparison, alive) if needs_distances(settings) else None
         count = len(library.classes)
@@ -141,7 +144,11 @@ class Recognizer:
                 comparison = Comparison([library.series[i] for i in kept], settings, known)
             within = None if within is None else within[np.ix_(kept, np.isin(marks, kept))]
             library = library.take(kept)
-        found = cls(settings, library, taught[kept], thresholds, fitted, comparison, within)
+        note = ""
+        if len(kept) < given and not chosen.representative:
+            note = f"of {given} examples, inputs are compared with {len(kept)} of all gestures "
+            note += f"(classify.landmarks); what these count for is learned from {len(taught)}"
+        found = cls(settings, library, taught[kept], thresholds, fitted, comparison, within, note)
         if chosen.confidence is None:
             return found
         return replace(found, fitted=fitted.with_temperature(found.temperature))

@@ -13,7 +13,15 @@ from itertools import combinations
 
 import numpy as np
 
-from gesture_core.classify.classifiers import Series, State, Table, Weighed, left_out
+from gesture_core.classify.classifiers import (
+    Series,
+    State,
+    Table,
+    Weighed,
+    content_order,
+    left_out,
+    resampled,
+)
 from gesture_core.classify.learning import targets_of
 from gesture_core.signals.mirror import mirrored
 from gesture_core.types import Signals
@@ -94,7 +102,8 @@ class Rocket:
         """The shares of the examples in each form, and what they were made with."""
         usual = usual_deviation(examples, self.frames)
         forms = self._forms(examples, usual)
-        state = {**self._levels(np.concatenate(forms)), "usual": usual}
+        order = content_order(examples)
+        state = {**self._levels(np.concatenate([form[order] for form in forms])), "usual": usual}
         return [self._shares(form, state) for form in forms], state
 
     def _forms(self, series: Series, usual: np.ndarray) -> list[np.ndarray]:
@@ -105,7 +114,10 @@ class Rocket:
         return [standardised(form, usual, self.frames) for form in forms]
 
     def _levels(self, sequences: np.ndarray) -> State:
-        """For each dilation the channels that each kernel looks at, and its levels."""
+        """For each dilation the channels that each kernel looks at, and its levels.
+
+        These are drawn by the place of ``sequences``, which therefore come in an order that is their own.
+        """
         random = np.random.default_rng(self.seed)
         channels, frames = sequences.shape[1:]
         most, state, done = min(channels, _CHANNELS), {}, 0
@@ -249,7 +261,7 @@ def _convolved(sequences: np.ndarray, seen: np.ndarray, weights: np.ndarray, ste
 
 def standardised(series: Series, usual: np.ndarray, frames: int) -> np.ndarray:
     """(N, D, frames) float32: resampled, each channel with zero mean and unit deviation in each sequence."""
-    found = np.array([_resampled(item, frames) for item in series]).reshape(len(series), -1, frames)
+    found = np.array([resampled(item, frames) for item in series]).reshape(len(series), -1, frames)
     found -= found.mean(axis=2, keepdims=True)
     found /= found.std(axis=2, keepdims=True) + _FLAT * usual
     return found.astype(np.float32)
@@ -257,20 +269,9 @@ def standardised(series: Series, usual: np.ndarray, frames: int) -> np.ndarray:
 
 def usual_deviation(series: Series, frames: int) -> np.ndarray:
     """Root mean square of the deviations of all channels of all sequences; 1 where nothing ever moves."""
-    square = np.mean([_resampled(item, frames).var(axis=1).mean() for item in series])
+    # Sorted, so that the order of the series moves no last digit.
+    square = np.mean(np.sort([resampled(item, frames).var(axis=1).mean() for item in series]))
     return np.array(np.sqrt(square) if square > 0 else 1.0)
-
-
-def _resampled(item: Signals | np.ndarray, frames: int) -> np.ndarray:
-    """(D, frames) float64 by linear interpolation from the first frame to the last one."""
-    values = np.asarray(item.values if isinstance(item, Signals) else item, np.float64)
-    if isinstance(item, Signals):
-        values = np.where(np.asarray(item.present), values, 0.0)
-    places = np.linspace(0, len(values) - 1, frames)
-    before = np.minimum(places.astype(int), len(values) - 1)
-    after, share = np.minimum(before + 1, len(values) - 1), (places - places.astype(int))[:, None]
-    found: np.ndarray = (values[before] * (1 - share) + values[after] * share).T
-    return found
 
 
 def ridge(

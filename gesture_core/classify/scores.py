@@ -9,6 +9,9 @@ import numpy as np
 
 from gesture_core.settings import Settings
 
+_DRAWN = 1000
+"""Outcomes that are drawn of exact probabilities."""
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -129,16 +132,26 @@ class Evaluation:
     def calibration_error(self) -> float | None:
         """Expected calibration error of the probabilities of the labels, in ten bins (Guo et al. 2017).
 
-        None where no label has a probability. Few answers make it larger than it is: with 100 of a
-        perfectly calibrated classifier it is about 0.09, with 1000 about 0.03.
+        None where no label has a probability. Few answers make it larger than it is; see `exact_error`.
         """
         known = [a for a in self.answers if a.predicted is not None and np.isfinite(a.confidence)]
         if not known:
             return None
-        sure, right = np.array([a.confidence for a in known]), np.array([a.right for a in known])
-        bins = np.minimum((10 * sure).astype(int), 9)
-        own = [bins == number for number in range(10)]
-        return float(sum(abs((sure[o] - right[o]).sum()) for o in own) / len(known))
+        return _gap(np.array([a.confidence for a in known]), np.array([a.right for a in known]))
+
+    @property
+    def exact_error(self) -> tuple[float, float] | None:
+        """What `calibration_error` would be if the same probabilities were exact, by chance alone.
+
+        The mean, and what 95 of 100 cases are below; None where no label has a probability.
+        """
+        sure = np.array([a.confidence for a in self.answers if a.predicted is not None])
+        sure = sure[np.isfinite(sure)]
+        if not len(sure):
+            return None
+        drawn = np.random.default_rng(0).uniform(size=(_DRAWN, len(sure))) < sure
+        found = [_gap(sure, right) for right in drawn]
+        return float(np.mean(found)), float(np.quantile(found, 0.95))
 
     def _curve(self, values: np.ndarray, sign: float) -> list[tuple[float, float, float]]:
         """What is left where ``sign * value`` is at most ``sign * limit``, for every value as the limit.
@@ -152,6 +165,12 @@ class Evaluation:
             kept = given & (sign * values <= sign * limit)
             curve.append((limit, float(kept.mean()), float(right[kept].mean())))
         return curve
+
+
+def _gap(sure: np.ndarray, right: np.ndarray) -> float:
+    """Mean over ten bins of how far the shares of ``right`` are from the probabilities."""
+    bins = np.minimum((10 * sure).astype(int), 9)
+    return float(np.abs(np.bincount(bins, sure - right)).sum() / len(sure))
 
 
 def wilson(right: int, total: int, z: float = 1.96) -> tuple[float, float]:

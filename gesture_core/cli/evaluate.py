@@ -65,7 +65,8 @@ def evaluate(
     label_columns
         With a CSV file: its headings of path and label, such as filename,class; 1,2 where it has none.
     subjects
-        Regular expression whose group (?P<subject>...), or first group, finds who performs in the name.
+        Who performs: a regular expression whose group (?P<subject>...), or first group, finds it in the name;
+        or folder:0, the first folder below the source, folder:-1, the one that holds the clip.
     protocol
         leave-one-subject-out, leave-one-out, donor (one subject gives one example a class), or split.
     train
@@ -266,7 +267,12 @@ def _print_confidence(evaluation: Evaluation) -> None:
     else:
         limit = int(1000 * point[0]) / 1000  # below the input that it is to keep
         print(f"{goal} use --set classify.confidence={limit:g}: {point[1]:.0%} of the inputs keep a label")
-    print(f"expected calibration error of the confidence: {evaluation.calibration_error:.2f}")
+    assert evaluation.exact_error is not None, "labels have probabilities"
+    mean, most = evaluation.exact_error
+    print(
+        f"expected calibration error of the confidence: {evaluation.calibration_error:.3f}; exact ones of as "
+        f"many labels show {mean:.3f} on the average, and {most:.3f} at most in 95 of 100 cases"
+    )
 
 
 def _say_flaws(result: EvaluationResult) -> None:

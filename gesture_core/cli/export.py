@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import tempfile
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -40,14 +40,15 @@ def export(
     """
     from gesture_core.run.addresses import is_address, local_path, put, shown
 
+    place = local_path(to)
     if not is_address(to):
-        _export(run, format, local_path(to))
+        _export(run, format, place)
         return
     if to.startswith("memory://"):
         remedy = "a file, or the address of a store"
         raise ConfigError(f"--to {to} would be gone with this command", remedy=remedy, code="E_OUT")
     with tempfile.TemporaryDirectory() as folder:
-        written = Path(folder) / PurePosixPath(shown(to).partition("::")[0]).name
+        written = Path(folder) / Path(place).name
         _export(run, format, str(written), said=False)
         put(written, to)
     print(shown(to))
@@ -61,7 +62,8 @@ def _export(run: Path, format: str | None, to: str, said: bool = True) -> None:
     if format in FORMATS:
         _export_events(run, format, to, said)
         return
-
+    if format:
+        registry().find("writer", format, FORMATS)
     limits = load_settings().limits
     if to != "-":
         target = Path(to) if to else None

@@ -215,7 +215,8 @@ def row_table(rows: Sequence[Row], what: Table = "labels") -> None:
     if what == "events":
         columns, right = ["input", "start", "end", "label", "score", "nearest example", "status"], [1, 2, 4]
     elif what == "labels":
-        sure = "margin" if all(row.confidence is None for row in rows) else "confidence"  # as on the page
+        there = {name for row in rows for name in ("confidence", "score") if getattr(row, name) is not None}
+        sure = next((name for name in ("confidence", "score") if name in there), "margin")
         columns, right = ["input", "label", "distance", sure, "nearest example", "status"], [2, 3]
     else:
         columns = ["input", "frames", "looked at", "with a pose", "seconds", "status"]

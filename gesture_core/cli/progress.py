@@ -71,7 +71,7 @@ class Events(Listener):
             self._staged()
 
     def network(self, text: str) -> None:
-        if text != self._network:
+        if not self._network:  # the first one says most
             self._network = text
             self._say_network()
 

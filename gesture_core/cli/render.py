@@ -131,7 +131,7 @@ def _tag(person: int, rows: Sequence[Row]) -> Tag:
     def text(time: float) -> str:
         for row in own:
             if not row.event or (row.start or 0) <= time <= (row.end or 0):
-                sure = [("score", row.score), ("confidence", row.confidence), ("margin", row.margin)]
+                sure = [("confidence", row.confidence), ("score", row.score), ("margin", row.margin)]
                 said = next((f"{name} {value:.2f}" for name, value in sure if value is not None), "")
                 return "  ".join(filter(None, (f"{person}", row.label or row.code, said)))
         return f"{person}"

@@ -153,8 +153,8 @@ class Registry:
             if of == kind and not (usable and (len(entries) > 1 or entries[0].missing))
         )
 
-    def find(self, kind: str, name: str) -> Registration:
-        """The one registration of ``name``.
+    def find(self, kind: str, name: str, others: Sequence[str] = ()) -> Registration:
+        """The one registration of ``name``; ``others`` could have been meant as well.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class Registry:
         cause = f"no {title} {name!r}"
         if broken:
             cause += f" ({'; '.join(f'{fault.origin}: {fault.cause}' for fault in broken)})"
-        known = self.names(kind)
+        known = [*self.names(kind), *others]
         every = f"one of {', '.join(known) or '(none)'}"
         raise PluginError(cause, remedy=near(name, known, every), code="E_PLUGIN_UNKNOWN")
 

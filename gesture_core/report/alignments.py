@@ -1,4 +1,4 @@
-"""What a page shows of one decision: the query's time in both examples, and the channels that decided."""
+"""What a page shows of one decision: the query's time in both examples, and the channels that differ most."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ def alignment_record(
     dict
         ``time``: milliseconds of the query's preview. ``near`` and ``far``: the example's name, label,
         distance, whether it was mirrored, and ``time``, its milliseconds at those of the query.
-        ``channels``: name, unit, costs and values of those that decided, the examples' at the query's time.
+        ``channels``: name, unit, costs and values of those that differ most, the examples' at the
+        query's time.
     """
     query = found.nearest.query
     shown = np.unique(np.linspace(0, len(query) - 1, min(POINTS, len(query))).round().astype(int))

@@ -21,7 +21,7 @@ _FACTS = ("status", "code", "person", "event", "start", "end", "distance", "marg
 
 def _sureness(row: dict[str, Any]) -> float | None:
     """0 to 1: the score of an event, otherwise the probability of the label where the run has one."""
-    sure: float | None = row["confidence"] if row["score"] is None else row["score"]
+    sure: float | None = row["score"] if row["event"] else row["confidence"]
     return sure
 
 

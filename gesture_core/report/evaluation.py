@@ -95,6 +95,7 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
             for p, c, a in thinned(evaluation.confidence_curve())
         ],
         "expected_calibration_error": evaluation.calibration_error,
+        "the_same_if_exact": evaluation.exact_error,
         "not_recognised": [a.name for a in evaluation.answers if a.predicted is None],
     }
 

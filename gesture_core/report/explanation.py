@@ -1,4 +1,4 @@
-"""A decision as a picture: film strips with what was matched, and the channels that decided."""
+"""A decision as a picture: film strips with what was matched, and the channels that differ most."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def explanation_plot(
     """Draw ``explanation`` to a PNG.
 
     Above: the query between the nearest example and the runner-up, all on one scale of seconds, and lines
-    between the moments that were matched; pictures, or the channel that decided most where there are none.
-    Below: the channels that decided at the query's time. The query is black, the example of the answer green,
-    that of the runner-up purple and broken.
+    between the moments that were matched; pictures, or the channel that differs most where there are none.
+    Below: the channels that differ most, at the query's time. The query is black, the example of the
+    answer green, that of the runner-up purple and broken.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def explanation_plot(
     _write(figure, _EDGE, high - 0.68, facts, _PLAIN)
     _films(figure, high - _HEAD, explanation, strips, names(explanation.nearest.query.channels[shown[0]]))
     top = high - _HEAD - block - 0.25
-    _write(figure, _EDGE, top, "The channels that decided", _PLAIN + 1, weight="bold")
+    _write(figure, _EDGE, top, "The channels that differ most", _PLAIN + 1, weight="bold")
     _legend(figure, top, explanation)
     for place, channel in enumerate(shown):
         row, column = divmod(place, _IN_A_ROW)
@@ -154,7 +154,7 @@ def _pictures(axes: Axes, strip: np.ndarray, length: float, width: float, *, fli
 
 
 def _curve(axes: Axes, side: Alignment, colour: str, channel: int, *, query: bool) -> None:
-    """The channel that decided most, in the place of pictures."""
+    """The channel that differs most, in the place of pictures."""
     signals = side.query if query else side.signals
     both = np.concatenate([side.query.values[:, channel], side.signals.values[:, channel]])
     low, high = float(both.min()), float(both.max())

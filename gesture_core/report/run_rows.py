@@ -86,7 +86,7 @@ def read_rows(
         keyed = list(results.keyed_rows())
         configuration = results.configuration
         fingerprint = results.get("fingerprint") or ""
-    recognizer = open_fitted(run, fingerprint)
+    recognizer = open_fitted(run, fingerprint, configuration.get("examples", ()))
     settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])
     examples = {
         name: _Example(index, name, one)
@@ -336,10 +336,9 @@ def _sureness(rows: Sequence[Row]) -> str:
 
     Of events their score, where it was calibrated the probability, otherwise the margin, which is none.
     """
-    for name in ("score", "confidence"):
-        if any(getattr(row, name) is not None for row in rows):
-            return name
-    return "margin"
+    if any(row.event for row in rows):
+        return "score"
+    return "margin" if all(row.confidence is None for row in rows) else "confidence"
 
 
 def _event_threshold(settings: Settings) -> tuple[str, float]:

@@ -36,7 +36,7 @@ _NO_SERVER = frozenset("file local memory zip tar abfs abfss az".split())
 """Where what stands in front of the first slash, with an ``@`` perhaps, is no name with its password."""
 _VERSIONS = ("LastModified", "Last-Modified", "last_modified", "updated", "mtime", "created", "CRC")
 """What may change with the content of an object, by the names that file systems give it."""
-_MD5 = re.compile(r"[0-9a-f]{32}")
+_MD5, _SHA256 = re.compile(r"[0-9a-f]{32}"), re.compile(r"[0-9a-f]{64}")
 _ATTEMPTS = 3
 _LONGEST = 200
 _OWN = os.urandom(4).hex()
@@ -248,8 +248,9 @@ def place_for(address: str, path: Path) -> Path:
 
 def sha256_of(entry: Entry) -> str:
     """The SHA-256 of an object whose ETag was seen to be the hash of such content; else empty."""
-    with suppress(OSError):
-        return _known(entry).read_text("utf-8") if entry.md5 else ""
+    with suppress(OSError, ValueError):  # a shared cache may hold anything
+        if entry.md5 and _SHA256.fullmatch(known := _known(entry).read_text("utf-8")):
+            return known
     return ""
 
 
@@ -287,7 +288,6 @@ def _open(address: str) -> tuple[Any, str]:
                 code="E_SOURCE",
             )  # fmt: skip
     protocol = parts[-1].partition("://")[0]
-    extra = _EXTRAS.get(protocol, "fsspec")
     try:
         from fsspec.core import url_to_fs
 
@@ -304,7 +304,7 @@ def _open(address: str) -> tuple[Any, str]:
             subject=shown(address),
             remedy="another address, or downloading it first"
             if unknown
-            else f'pip install "gesture-core[{extra}]"',
+            else f'pip install "gesture-core[{_EXTRAS.get(protocol, "fsspec")}]"',
         ) from None
     except Exception as error:  # noqa: BLE001 - a file system of a third party may raise anything
         raise _failed(address, error) from None
@@ -378,7 +378,7 @@ def _named(system: Any, source: str, path: str) -> str:
 
 
 def _entry(system: Any, source: str, about: Mapping[str, Any]) -> Entry:
-    if not any(about.get(key) for key in ("ETag", "etag", "md5Hash", *_VERSIONS)):
+    if not any(about.get(key) for key in ("ETag", "etag", *_VERSIONS)):
         about = {**about, **system.info(about["name"])}  # a page of links does not say
     query = _parted(source)[1] if len(_LINK.split(source)) == 1 else ""
     address = _named(system, source, about["name"])

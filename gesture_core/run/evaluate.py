@@ -22,7 +22,7 @@ from gesture_core.run.archive import Sources, as_strings, with_changes
 from gesture_core.run.extract import Listener, people_of
 from gesture_core.run.fingerprint import fingerprint, pose_identity, run_configuration
 from gesture_core.run.inputs import Input, discover_readable
-from gesture_core.run.labels import halves_a_word, label_inputs, search_name
+from gesture_core.run.labels import LEVEL, FolderLabels, halves_a_word, label_inputs, search_name
 from gesture_core.settings import Settings
 from gesture_core.settings.load import check_option, find_key
 from gesture_core.types import PoseSequence
@@ -133,8 +133,9 @@ def evaluate_archive(
     label_columns : str
         With a CSV file: the headings of path and label, such as ``"filename,class"``.
     subjects : str
-        Regular expression whose group ``subject``, or first group, finds who performs in the name of a file;
-        by default the group ``subject`` of ``labels``, if it has one.
+        Regular expression whose group ``subject``, or first group, finds who performs in the name of a file,
+        or ``folder:0`` and so on, as for ``labels``; by default the group ``subject`` of ``labels``, if it
+        has one.
     train : str
         With ``split``: a regular expression that finds the examples by their names.
     grid : mapping
@@ -191,7 +192,7 @@ def evaluate_archive(
                 )
             check_option(key, candidate, "--grid")
     items = labelled_inputs(as_strings(sources), labels, label_columns, avoid, ready)
-    who = [subject_of(item, subjects or labels, explicit=bool(subjects)) for item in items]
+    who = subjects_of(items, subjects or labels, as_strings(sources), explicit=bool(subjects))
     examples = examples_of_split(items, train, protocol)
     neighbors = max(candidate.classify.votes for candidate in candidates)
     check_protocol(protocol, items, who, examples, neighbors)
@@ -273,20 +274,28 @@ def labelled_inputs(
     return labelled
 
 
-def subject_of(item: Input, pattern: str, *, explicit: bool) -> str:
-    """Who performs ``item``; empty where nothing says how to tell."""
-    if not explicit and "(?P<subject>" not in pattern:
-        return ""
+def subjects_of(items: Sequence[Input], pattern: str, sources: Sequence[str], *, explicit: bool) -> list[str]:
+    """Who performs each of the ``items``; empty where nothing says how to tell."""
+    level = LEVEL.fullmatch(pattern)
+    if not explicit and (level or "(?P<subject>" not in pattern):
+        return [""] * len(items)
+    if level:
+        folders = FolderLabels(int(level[1] or 0), items, sources)
+        return [folders(item) or _subject_of(item, pattern, None) for item in items]
     try:
-        match = search_name(re.compile(pattern), item)
+        return [_subject_of(item, pattern, search_name(re.compile(pattern), item)) for item in items]
     except re.error as error:
         raise ConfigError(f"--subjects {pattern!r} is no regular expression: {error}") from None
+
+
+def _subject_of(item: Input, pattern: str, match: re.Match[str] | None) -> str:
+    """Who performs ``item``, by what was found in its name."""
     who = match and match.re.groups and (match.groupdict().get("subject") or match.group(1))
     if not match or not who:
         raise ConfigError(
             f"no subject for {item.name} by {pattern!r}",
             remedy="--subjects with a group, such as '_s(?P<subject>[0-9]+)_' "
-            "(one with a / is searched in the whole path)",
+            "(one with a / is searched in the whole path), or folder:0, folder:-1 for a folder's name",
             code="E_SUBJECTS",
         )
     if halves_a_word(match, "subject"):

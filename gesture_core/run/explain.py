@@ -123,7 +123,7 @@ def explain(
     hashes = {name: known["sha256"] for name, known in examples.items()} | {row.input: row.sha256}
     if row.event:
         return _explain_event(row, rows, examples, hashes, place, configuration, listener)
-    recognizer = open_fitted(Path(run), fingerprint)
+    recognizer = open_fitted(Path(run), fingerprint, configuration["examples"])
     settings = recognizer.settings if recognizer else settings_from_dict(configuration["settings"])
     places = _places(examples) | {row.input: os.fspath(place or "")}
     wanted = {row.input: row.sha256} if recognizer else hashes

@@ -41,7 +41,7 @@ class Listener:
         """What is done from now on: ``keypoints``, ``fitting``, ``comparing`` or ``writing``."""
 
     def network(self, text: str) -> None:
-        """What finds people in videos, and where, in words."""
+        """What finds people in videos, and where, in words: before it does, maybe more than once."""
 
     def frames(self, name: str, count: int) -> None:
         """``count`` further frames of an input are done."""
@@ -94,6 +94,7 @@ class OpenEngine:
             "engine", engine, options, workers=workers, limits=settings.limits
         )
         self._listener = listener or Listener()
+        self._looks = False
 
     def __enter__(self) -> OpenEngine:
         return self
@@ -114,8 +115,15 @@ class OpenEngine:
             Where the engine raises.
         """
         tasks = [Task(n, "extract", _arguments(item)) for n, item in enumerate(items)]
-        plugins, frames = registry(), self._listener.frames
-        for outcome in self._run(tasks, lambda task, count: frames(items[task.number].name, count)):
+        plugins = registry()
+
+        def frames(task: Task, count: int) -> None:
+            if count and not self._looks and items[task.number].kind == "video":
+                self._looks = True
+                self._listener.network(described(self._settings))
+            self._listener.frames(items[task.number].name, count)
+
+        for outcome in self._run(tasks, frames):
             item = items[outcome.number]
             if item.kind == "video":
                 entry = plugins.find("pose", self._settings.pose.backend)
@@ -223,7 +231,6 @@ def extract_all(
     videos = any(item.kind == "video" for item in items)
     if videos:
         settings = choose_pose(settings)
-        listener.network(described(settings))
     identity = pose_identity(settings, items) if identity is None else identity
     added = False
     with OpenEngine(settings, identity, most=len(items), workers=workers, listener=listener) as opened:

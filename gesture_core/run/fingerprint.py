@@ -175,11 +175,11 @@ def fingerprint(configuration: Mapping[str, Any]) -> str:
     """
     tree = dict(configuration)
     if "examples" in tree:
-        tree["examples"] = sorted(map(list, _contents(tree["examples"]).values()))
+        tree["examples"] = sorted(map(list, contents_of(tree["examples"]).values()))
     return tree_sha256(tree)[:16]
 
 
-def _contents(examples: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str, str]]:
+def contents_of(examples: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str, str]]:
     """Label, content and sequence of each example, by its name."""
     return {
         name: (str(known["label"]), known["sha256"], known.get("member", name.partition("::")[2]))
@@ -212,8 +212,8 @@ def _said(configuration: Mapping[str, Any], other: Mapping[str, Any]) -> dict[tu
     said = {(0, ".".join(path).removeprefix("options.")): value for path, value in _leaves(settings)}
     said |= {(1, f"plugin {name}"): origin for name, origin in plugins.items()}
     said |= {(2, " ".join(path)): value for path, value in _leaves(tree)}
-    there = Counter(_contents(other.get("examples", {})).values())
-    for name, content in _contents(examples).items():
+    there = Counter(contents_of(other.get("examples", {})).values())
+    for name, content in contents_of(examples).items():
         if not there[content]:
             said[3, f"example {name}"] = f"{content[0]} ({content[1][:12]})"
         there[content] -= there[content] > 0

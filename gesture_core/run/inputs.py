@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gesture_core.errors import GestureError, InputError
-from gesture_core.files import look_at, made_up, passed_over, printable
+from gesture_core.files import look_at, made_up, passed_over, pointer, printable
 from gesture_core.records import Job
 from gesture_core.run.addresses import drop, entries, fetch, is_address, local_path, shown
 from gesture_core.run.readers import Readers, is_text_of_series
@@ -297,7 +297,7 @@ class Walk:
                 self.passed += 1
                 return
             self._been.add(identity)
-            names, folders = list[str](), set[str]()
+            names, folders, lost = list[str](), set[str](), False
             with os.scandir(folder) as found:  # which knows most folders without a look at them
                 for one in found:
                     if not passed_over(one.name) and one.name not in OWN_FILES:
@@ -317,12 +317,13 @@ class Walk:
             if is_folder:
                 yield entry
             else:
-                companion = bool(reader) and entry.suffix.lower() in COMPANIONS
-                beside = companion or (bool(reader) and self._readers.may_take(reader, entry))
+                own = entry.suffix.lower() in COMPANIONS or self._readers.may_take(reader, entry)
+                beside = bool(reader) and own
                 for item in self._file(entry, say_why=not (beside or fault)):
                     if item.kind == "other" and fault:  # its folder may have been one of keypoint files
                         yield replace(item, kind="broken", code=fault[0], fault=f"of its folder, {fault[1]}")
-                    elif item.kind != "other" or not beside:  # it belongs to its folder of keypoint files
+                    elif item.readable or not beside or (item.kind == "broken" and not lost):
+                        lost |= beside and item.kind == "broken"  # of a folder's frames, the first one
                         yield item
 
     def _file(self, path: Path, *, say_why: bool = True) -> Iterator[Input]:
@@ -340,6 +341,8 @@ class Walk:
                 yield Input(path, name, "video", stamp=stamp)
             elif trouble:
                 yield _broken(path, *trouble)
+            elif path.suffix.lower() in self._readers.suffixes | {".dvc"} and (fault := pointer(path)):
+                yield _broken(path, "E_READ", *fault)
             else:
                 yield Input(path, name, "other", fault=self._readers.why_not(path) if say_why else "")
 

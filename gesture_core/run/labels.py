@@ -38,7 +38,7 @@ _PEOPLE = frozenset(
 _NUMBER = re.compile(r"[\d\W_]+")
 # Of the folders that lie in any of the folders above, each of these holds this share on average: the same.
 _ALIKE = 0.5
-_SHOWN = 4
+_SHOWN, _DAY = 4, 6  # and the digits of a day
 Folders = tuple[str, ...]
 
 
@@ -282,7 +282,7 @@ class FolderLabels:
         if not parts and not alone and not (levels[1:] and _repeats(tree, 0)):
             _warn_of_levels(full)
             return
-        kind = "parts of a data set" if parts else "people or places"
+        kind = "parts of a data set" if parts else "people, places or days"
         what = f"{_listed(top)} look like {kind}, not labels"
         if len(top) == 1:
             what = f"everything lies in {_listed(top)}, which looks like no label"
@@ -381,7 +381,7 @@ def _warn_of_levels(tree: Sequence[Folders]) -> None:
 
 
 def _repeats(tree: Sequence[Folders], level: int) -> bool:
-    """Whether the folders of a level hold the same folders, which are not just numbered."""
+    """Whether the folders of a level hold the same ones, not just numbered, or are people or days."""
     inside: dict[Folders, set[str]] = {}
     for folders in tree:
         inside.setdefault(folders[: level + 1], set()).add(folders[level + 1])
@@ -389,6 +389,9 @@ def _repeats(tree: Sequence[Folders], level: int) -> bool:
     shares = [len(names) / len(every) for names in inside.values()]
     alike = len(every) > 1 and sum(shares) / len(shares) >= _ALIKE
     here, below = _numbered(tree, level), _numbered(tree, level + 1)
+    days = here == "" and all(sum(map(str.isdigit, place[-1])) >= _DAY for place in inside)
+    if len(every) > 1 and below is None and (days or here in _PEOPLE):
+        return True
     return alike and (below is None or (here is not None and (here in _PEOPLE or below not in _PEOPLE)))
 
 

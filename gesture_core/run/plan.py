@@ -19,6 +19,7 @@ from gesture_core.pose.models import choose_pose
 from gesture_core.run.addresses import fetch, local_path, look, roots, sha256_of, shown
 from gesture_core.run.extract import OpenEngine
 from gesture_core.run.fingerprint import (
+    contents_of,
     differences,
     fingerprint,
     pose_identity,
@@ -170,6 +171,8 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
             engine.require_model()
     if changed or request.overwrite:
         results.clear()
+    elif not waiting:
+        configuration["examples"] = _as_known(configuration["examples"], results.configuration)
     mark = fingerprint(configuration)
     part = _part(str(shard or ""), found, inputs)
     results.set({"configuration": configuration, "fingerprint": mark, "part": part})
@@ -210,7 +213,8 @@ def _examples(request: RunRequest, assistant: Assistant) -> list[Input]:
         for item in labelled
         if item.kind != "other" or (item.label and item.path.suffix.lower() not in COMPANIONS)
     ]
-    clips = {item.path.with_suffix("") for item in meant if item.kind != "other"}
+    named = [item.path for item in meant if item.kind != "other"]
+    clips = {*named, *(path.with_suffix("") for path in named)}
     beside = {
         item.key: item.name for item in meant if item.kind == "other" and item.path.with_suffix("") in clips
     }
@@ -256,6 +260,15 @@ def _hashed(item: Input, results: Results) -> Input:
             known = _content(item)
             results.remember(item, known)
     return replace(item, sha256=known or "")
+
+
+def _as_known(examples: dict[str, Any], before: Mapping[str, Any]) -> dict[str, Any]:
+    """The same examples, wherever they lie now, by the names that rows and what is fitted have for them."""
+    names: dict[tuple[str, str, str], list[str]] = {}
+    for name, content in contents_of(before.get("examples", {})).items():
+        names.setdefault(content, []).append(name)
+    found = contents_of(examples)
+    return {names[found[name]].pop(0): known for name, known in examples.items()} if names else examples
 
 
 def _content(item: Input) -> str:

@@ -67,8 +67,11 @@ class Results:
         self._writable = create
         if not create and not self.path.is_file():
             runs = [str(path.parent) for path in sorted(folder.glob(f"*/{DATABASE}"))[:3]]
+            evaluated = (folder / "evaluation.json").is_file()
             raise RunFolderError(
-                "holds no run",
+                "holds no run, but what gesture evaluate wrote: confusion.png, rejection.png, answers.csv"
+                if evaluated
+                else "holds no run",
                 subject=str(folder),
                 remedy="a folder that gesture classify wrote"
                 + (f", such as {', '.join(runs)}" if runs else ""),

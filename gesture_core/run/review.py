@@ -241,7 +241,9 @@ def add_corrections(
     if not usable:
         return Corrections((), 0, left_out)
     with open_results(run) as results:
-        recognizer = open_fitted(run, results.get("fingerprint") or "")
+        recognizer = open_fitted(
+            run, results.get("fingerprint") or "", results.configuration.get("examples", ())
+        )
         rows = {key: row for key, row in results.keyed_rows() if not row.person}
     if recognizer is None:
         raise RunFolderError(

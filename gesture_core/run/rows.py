@@ -118,6 +118,7 @@ def rows_of(
             distance=prediction.distance,
             margin=prediction.margin,
             confidence=prediction.confidence,
+            score=prediction.score,
             neighbors=prediction.neighbors,
             status="rejected" if code and code.status == "rejected" else prediction.status,
             code=prediction.code,

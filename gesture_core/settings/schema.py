@@ -157,8 +157,8 @@ class ClassifySettings(_Section):
         Of ``weighed`` and ``blend``: penalty on the squared weights; more makes all examples more alike.
     landmarks : int
         Of any classifier but ``nearest``: of more examples than this, those that queries are compared with,
-        spread evenly over each class in the order of the examples. What they count for is learned from six
-        times as many at most, spread in the same way.
+        spread evenly over each class. What they count for is learned from six times as many at most, spread
+        in the same way. Neither depends on the order of the examples.
     reject : None or float
         Distances above this get no label.
     reject_sd : None or float
@@ -170,7 +170,8 @@ class ClassifySettings(_Section):
     min_score : None or float
         Labels of a smaller score are rejected (E_REJECTED): what is like no example, or like several classes.
         About 0 for other classes and up to about 1 for the right one, less where examples are few
-        (``gesture evaluate`` lists them); not of ``nearest``, whose scores are distances.
+        (``gesture evaluate`` lists them); not of ``nearest``, whose scores are distances. Every row then has
+        the score; 0 rejects next to none.
     confidence : None or float
         Labels that are right with a smaller probability than this are rejected (E_UNSURE), and every row has
         the probability; 0 rejects none. It is calibrated on the examples, each of which is decided by the
@@ -308,7 +309,7 @@ class LimitSettings(_Section):
 
 _RANGES = {
     "pose.score signals.min_seen classify.confidence classify.min_pose classify.relative": (0, 1),
-    "signals.max_gap classify.reject_sd classify.margin classify.min_score classify.rest": (0, _INFINITE),
+    "signals.max_gap classify.reject_sd classify.margin classify.rest": (0, _INFINITE),
     "classify.reject": (-_INFINITE, _INFINITE),
     "classify.mirror": (1, _INFINITE),
     "classify.neighbors limits.cache": (0, 1e9),
@@ -319,7 +320,7 @@ _RANGES = {
     "pose.rate": (0, 100_000),
     "pose.height": (32, 4096),
     "spot.floor spot.threshold": (0, _INFINITE),
-    "spot.overlap": (0, 1),
+    "spot.overlap classify.min_score": (0, 1),
     "spot.tolerance": (0, 100),
     "spot.patience": (0, 3600),
     "spot.merge": (0, 60),

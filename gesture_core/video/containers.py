@@ -20,16 +20,18 @@ _MAGIC: dict[bytes, str] = {
     b"\x1a\x45\xdf\xa3": "matroska", b"FLV\x01": "flv", b"OggS": "ogg", b"GIF87a": "gif", b"GIF89a": "gif",
     b"\x30\x26\xb2\x75\x8e\x66\xcf\x11": "asf", b"\x00\x00\x01\xba": "mpeg",
     b"\x00\x00\x01\xb3": "mpegvideo", b"YUV4MPEG2": "yuv4mpegpipe", b"DKIF": "ivf",
-    b"\x06\x0e\x2b\x34\x02\x05\x01\x01": "mxf",
+    b"\x06\x0e\x2b\x34\x02\x05\x01\x01": "mxf", b"\x1f\x07\x00\x3f": "dv", b"\x1f\x07\x00\xbf": "dv",
 }  # fmt: skip
 _RAW_SUFFIXES = {
     ".h264": "h264", ".264": "h264", ".avc": "h264",
     ".h265": "hevc", ".265": "hevc", ".hevc": "hevc",
 }  # fmt: skip
+_BROADCAST = (".ts", ".mts", ".m2ts")
 # What a stream without a container begins with: a parameter set, or the mark of a picture's beginning.
 _FIRST_UNITS = {
     "h264": (b"\x67", b"\x47", b"\x27", b"\x09\x10", b"\x09\x30", b"\x09\x50", b"\x09\xf0"),
     "hevc": (b"\x40\x01", b"\x46\x01"),
+    "m4v": (b"\xb0", b"\x00\x00\x00\x01\x20"),
 }
 # Still pictures and sound in the container of videos.
 _OTHER_BRANDS = (b"heic", b"heix", b"mif1", b"avif", b"crx ", b"m4a ", b"m4b ", b"f4a ", b"f4b ", b"jp2 ")
@@ -39,10 +41,10 @@ _MARKED = {
     "asf": (bytes.fromhex("c0ef19bc4d5bcf11a8fd00805f5c442b"),),
 }
 CONTAINERS: tuple[str, ...] = (
-    "mov", "avi", "mpegts", "mjpeg", "h264", "hevc", *dict.fromkeys(_MAGIC.values()),
+    "mov", "avi", "mpegts", "mjpeg", "apng", *_FIRST_UNITS, *dict.fromkeys(_MAGIC.values()),
 )  # fmt: skip
 """FFmpeg's names of the containers that are read."""
-UNTIMED = frozenset({"h264", "hevc", "mpegvideo", "mjpeg"})
+UNTIMED = frozenset({*_FIRST_UNITS, "mpegvideo", "mjpeg"})
 """Those of them that are none: a stream as the encoder wrote it, without times."""
 _PLAYLISTS: tuple[bytes, ...] = (b"ffconcat", b"#EXTM3U", b"[playlist]", b"<?xml", b"<MPD", b"<smil", b"v=0")
 
@@ -115,15 +117,24 @@ def _container_of(head: bytes, suffix: str) -> str:
     for magic, name in _MAGIC.items():
         if head.startswith(magic):
             return name
+    if head.startswith(b"\x89PNG") and b"acTL" in head.partition(b"IDAT")[0]:
+        return "apng"
+    half = len(head) // 2
     for start, step in ((0, 188), (4, 192)):
         marks = [head[at : at + 1] for at in range(start, min(len(head), start + 5 * step), step)]
         if len(marks) >= 2 and all(mark == b"\x47" for mark in marks):
+            return "mpegts"
+        # A recording that begins amid a packet, or behind remains: the later half keeps step.
+        if suffix in _BROADCAST and any(
+            head[half + phase :: step].count(0x47) >= (len(head) - half) // step > 5 for phase in range(step)
+        ):
             return "mpegts"
     if head.startswith((b"\x00\x00\x00\x01", b"\x00\x00\x01")) and suffix in _RAW_SUFFIXES:
         return _RAW_SUFFIXES[suffix]
     if head.startswith(b"\xff\xd8\xff") and suffix in (".mjpeg", ".mjpg"):
         return "mjpeg"
+    start = head.find(b"\x00\x00\x01", 0, 4) + 3  # 2 where there is none
     for name, units in _FIRST_UNITS.items():
-        if head.removeprefix(b"\x00").startswith(tuple(b"\x00\x00\x01" + unit for unit in units)):
+        if start > 2 and head.startswith(units, start):
             return name
     return ""

@@ -26,8 +26,8 @@ _LEAP = 3600.0
 # No camera or disc has pixels that are longer than this: a broken header has.
 _LONGEST_PIXEL = 8
 # Intervals between frames of a variable rate: the long ones last so much longer than the short ones. Rounding
-# to milliseconds, and a frame that was dropped now and then, make no variable rate.
-_VARIABLE = 1.5
+# to milliseconds, and a frame that was dropped now and then, make none. Seconds without one that are said.
+_VARIABLE, _PAUSE = 1.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -250,7 +250,7 @@ class VideoDecoder(ABC):
         across, down = pixel_aspect
         if across != down and not _plausible(across, down):
             self.log.note(f"pixels of {across}:{down} are implausible and taken as square")
-        elif across != down:
+        elif across != down and _square_size(width, height, across, down) != (width, height):
             self._pixels = across, down
             stored = f"{width} x {height}"
             width, height = _square_size(width, height, across, down)
@@ -350,6 +350,9 @@ def variable_rate(times: Sequence[float]) -> str:
     if len(intervals) < 2:
         return ""
     short, long = np.quantile(intervals, (0.1, 0.9))
+    widest = int(np.argmax(intervals))
+    if intervals[widest] > max(_PAUSE, _VARIABLE * long):
+        return f"no frame for {intervals[widest]:.1f} s after {times[widest]:.1f} s, by the file's times"
     if long <= _VARIABLE * max(short, 1e-6):
         return ""
     most = f"{1 / short:.0f}" if short > 1e-6 else "more"

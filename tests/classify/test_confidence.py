@@ -120,6 +120,24 @@ def test_the_calibration_error_is_the_gap_between_what_is_promised_and_what_is_r
     assert Evaluation(promised, "split", MODERN).calibration_error == pytest.approx(0.15 / 2)
 
 
+def test_of_few_labels_exact_probabilities_are_off_too() -> None:
+    random, means = np.random.default_rng(1), []
+    for count in (100, 1000):
+        sure = random.uniform(0.3, 1.0, count)
+        answers = [
+            Answer("x", "a", "s", "f", "a" if drawn < one else "b", 1.0, 1.0, confidence=one)
+            for one, drawn in zip(sure.tolist(), random.uniform(size=count), strict=True)
+        ]
+        found = Evaluation(answers, "split", MODERN)
+        assert found.exact_error is not None and found.calibration_error is not None
+        mean, most = found.exact_error
+        assert mean < most and found.calibration_error < 1.2 * most
+        means.append(mean)
+    assert 0.07 < means[0] < 0.1 and 0.02 < means[1] < 0.04
+    nothing = Evaluation([Answer("x", "a", "s", "f", None, 1.0, 1.0)], "split", MODERN)
+    assert nothing.exact_error is None
+
+
 def test_an_evaluation_says_what_a_smallest_score_costs() -> None:
     plain = answer(compared(limited(None)), "leave-one-subject-out")
     curve = plain.score_curve()

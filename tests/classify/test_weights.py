@@ -264,12 +264,15 @@ def test_what_is_like_no_example_gets_no_label_by_its_score() -> None:
     scores = model.decision_function([*queries, *strangers]).max(axis=1)
     assert scores[:-1].min() > 0.2 > scores[-1]
     assert model.predict([*queries, *strangers]).tolist() == [*truth, "(none)"]
+    assert GestureClassifier(ALL).fit(poses, labels).predictions(queries)[0].score is None
     row = model.predictions(strangers)[0]
     assert (row.label, row.status, row.code) == (None, "rejected", "E_REJECTED")
     assert f"at best, with a score of {scores[-1]:.4g}, below 0.2; try: " in row.message
+    assert [one.score for one in model.predictions([*queries, *strangers])] == pytest.approx(scores)
     far = strict.with_values([("classify.reject", 1e-9)])
-    message = GestureClassifier(far).fit(poses, labels).predictions(strangers)[0].message
-    assert message.endswith("above 1e-09"), "the distance is the first reason"
+    refused = GestureClassifier(far).fit(poses, labels).predictions(strangers)[0]
+    assert refused.message.endswith("above 1e-09"), "the distance is the first reason"
+    assert refused.score == pytest.approx(scores[-1]), "the row tells of both"
     with pytest.raises(ConfigError, match="vote by their distances"):
         GestureClassifier(strict.with_values([("classify.classifier", "nearest")])).fit(poses, labels)
 

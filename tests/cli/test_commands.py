@@ -154,6 +154,8 @@ CLASSIFY = ["classify", "{videos}", "--examples", "{examples}", "--out", "{out}"
         (["export", "absent"], 2, "holds no run"),
         (["export", "{run}", "--to", "x.xlsx"], 2, "--format with one of coco, csv"),
         (["export", "{run}", "--to", "x.vtt"], 2, "--format vtt --to FOLDER"),
+        (["export", "{run}", "--format", "xlsx"], 2, "parquet, eaf, vtt, srt, audacity, activitynet"),
+        (["export", "{run}", "--format", "str"], 2, "did you mean srt?"),
         (["export", "{run}", "--to", "{examples}"], 2, "is a folder"),
         (["export", "{file}"], 2, "holds no run"),
         (["plugins", "gausian"], 2, "gaussian"),

@@ -69,6 +69,8 @@ def test_evaluate_prints_and_saves_everything(
     assert {row["predicted"] for row in rows} == {"up", "side", "knee"}
     for name in ("confusion.png", "rejection.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    assert run(["report", str(tmp_path)]) == 2
+    assert "what gesture evaluate wrote: confusion.png" in capsys.readouterr().err
 
 
 def test_evaluate_takes_labels_and_subjects_from_one_expression(
@@ -79,6 +81,22 @@ def test_evaluate_takes_labels_and_subjects_from_one_expression(
         run(["evaluate", str(archive), "--labels", labels, "--preset", "modern", "--protocol", "donor"]) == 0
     )
     assert "donor: 18 of 18 right" in capsys.readouterr().out
+
+
+def test_each_subject_may_have_a_folder(
+    archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for clip in archive.rglob("*.npy"):
+        label, _, subject = clip.stem.partition("_")
+        (tmp_path / f"S{subject}" / "v1" / label).mkdir(parents=True)
+        shutil.copy(clip, tmp_path / f"S{subject}" / "v1" / label)
+    command = ["evaluate", str(tmp_path), "--labels", "folder:-1"]
+    assert run(command) == 2
+    assert "or folder:0 where each has a folder" in capsys.readouterr().err
+    assert run([*command, "--subjects", "folder:0"]) == 0
+    assert "leave-one-subject-out: 9 of 9 right" in capsys.readouterr().out
+    assert run([*command, "--subjects", "folder:7"]) == 2
+    assert "no subject for" in capsys.readouterr().err
 
 
 def test_the_same_evaluation_has_the_same_fingerprint(archive: Path, tmp_path: Path) -> None:

@@ -39,6 +39,9 @@ def test_where_rows_have_a_confidence_it_is_in_the_place_of_the_margin(
     row_table([Row("a.mp4", label="wave", distance=0.2, margin=0.5, confidence=0.875, status="ok")])
     said = capsys.readouterr().out
     assert "confidence" in said and "0.875" in said and "margin" not in said
+    row_table([Row("a.mp4", label="wave", distance=0.2, margin=0.5, score=0.625, status="ok")])
+    said = capsys.readouterr().out
+    assert "score" in said and "0.625" in said and "margin" not in said
 
 
 def test_keypoints_have_a_table_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:

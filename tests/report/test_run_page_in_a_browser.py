@@ -106,7 +106,27 @@ def test_keys_choose_a_row_and_all_three_clips_play_at_its_time(opened: Any) -> 
     press(opened, "a")
     wait(opened, "document.querySelectorAll('#stage .film').length === 3")
     assert opened.execute_script("return document.querySelectorAll('#stage .channel').length") >= 1
+    feet = opened.execute_script("""
+        const grid = document.querySelector('#stage .channels');
+        grid.append(grid.firstChild.cloneNode(true));
+        grid.style.gridTemplateColumns = 'repeat(2, 1fr)';
+        grid.firstChild.querySelector('figcaption').append(' and so on'.repeat(30));
+        const charts = [grid.firstChild, grid.children[1]].map((one) => one.querySelector('svg'));
+        return charts.map((one) => one.getBoundingClientRect().bottom);""")
+    assert feet[0] == pytest.approx(feet[1], abs=1), "a long caption pushes no chart down"
     assert complaints(opened) == []
+
+
+def test_rows_without_pictures_are_low(opened: Any) -> None:
+    high = opened.execute_script("""
+        const before = document.querySelector('#body tr[data-index]').offsetHeight;
+        document.body.classList.add('unpictured');
+        dispatchEvent(new Event('resize'));
+        const after = document.querySelector('#body tr[data-index]').offsetHeight;
+        document.body.classList.remove('unpictured');
+        dispatchEvent(new Event('resize'));
+        return [before, after];""")
+    assert high[1] < high[0]
 
 
 def test_the_threshold_says_what_it_keeps_and_what_to_type(opened: Any, page: Path) -> None:
@@ -129,12 +149,12 @@ def test_the_threshold_says_what_it_keeps_and_what_to_type(opened: Any, page: Pa
 def test_a_trial_gives_no_label_that_another_limit_of_the_run_refuses(opened: Any) -> None:
     keeps = """
         const {data, keeps} = gesture, own = {...data};
-        const row = {best: "a", label: null, code: "E_REJECTED", distance: 0.9};
+        const row = {best: "a", label: null, code: "E_REJECTED", distance: 0.9, score: arguments[2]};
         try {
             Object.assign(data, {reject: arguments[0], min_score: arguments[1]});
             return keeps(row, {by: "distance", value: 2});
         } finally { Object.assign(data, own); }"""
-    cases = {(0.5, None): True, (0.5, 0.2): True, (1.2, 0.2): False, (None, 0.2): False}
+    cases = {(0.5, None, None): True, (0.5, 0.2, 0.3): True, (0.5, 0.2, 0.1): False, (None, 0.2, 0.1): False}
     assert {case: opened.execute_script(keeps, *case) for case in cases} == cases
 
 

@@ -88,3 +88,6 @@ def test_an_etag_counts_only_once_it_was_seen_to_be_the_hash(memory: Any, tmp_pa
     (tmp_path / "clip.npz").unlink()
     fetch(right, tmp_path / "clip.npz")
     assert sha256_of(right) == content_sha256(tmp_path / "clip.npz")
+    for odd in (b"../../elsewhere", b"\xff", b"0" * 65):
+        addresses._known(right).write_bytes(odd)
+        assert sha256_of(right) == "", "what a shared cache says is no path"

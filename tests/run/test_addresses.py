@@ -304,6 +304,8 @@ def test_a_table_and_a_folder_of_events_are_written_to_an_address(
     export(folder / "run", to="file://" + (folder / "rows.csv").as_posix())
     assert (folder / "bucket" / "rows.csv").read_bytes() == (folder / "rows.csv").read_bytes()
     export(folder / "run", format="datasets", to=f"{bucket}/rows.parquet")
+    export(folder / "run", to=f"{bucket}/a::b.parquet")
+    assert (folder / "bucket" / "a::b.parquet").read_bytes().startswith(b"PAR1"), "the whole name says it"
     with pytest.raises(ConfigError, match="would be gone with this command"):
         export(folder / "run", to="memory://bucket/rows.csv")
     (folder / "tree" / "below").mkdir(parents=True)

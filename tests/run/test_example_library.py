@@ -91,8 +91,9 @@ def test_a_rejected_row_says_what_to_look_at(folder: Path) -> None:
 def test_a_score_that_is_too_low_asks_for_no_larger_distance(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rows = list(run(folder, classify__neighbors=0, classify__min_score=9.0).rows())
+    rows = list(run(folder, classify__neighbors=0, classify__min_score=1.0).rows())
     assert {row.code for row in rows} == {"E_REJECTED"}
+    assert all(row.score is not None and f"score of {row.score:.4g}, below" in row.message for row in rows)
     print_reasons([*rows, *rows])
     said = capsys.readouterr().out.splitlines()[0]
     for text in (said, *(row.message for row in rows)):

@@ -88,6 +88,11 @@ def test_a_frame_whose_content_is_not_here_is_named(tmp_path: Path, drawn: DemoA
     annexed(frame, tmp_path / "store").unlink()
     with pytest.raises(GestureError, match="git annex get"):
         load_poses(tmp_path / "k")
+    for other in sorted((tmp_path / "k" / "1").iterdir()):
+        if other.exists():
+            annexed(other, tmp_path / "store").unlink()
+    clip, first = discover([tmp_path / "k"])
+    assert clip.path == first.path.parent == tmp_path / "k" / "1", "a row for each frame is too many"
 
 
 @pytest.mark.parametrize("what", ["loop", "fifo", "device", "proc", "link to proc", "socket"])
@@ -129,6 +134,16 @@ def test_pointers_are_told_from_content(tmp_path: Path) -> None:
     (tmp_path / "b.mp4").write_bytes(b"/annex/objects/SHA256E-s1--2.mp4\n")
     with pytest.raises(MediaError, match=r"git annex get b\.mp4"):
         open_video(tmp_path / "b.mp4")
+    for suffix in ("npz", "npy", "csv", "json", "parquet", "mat"):
+        path = tmp_path / f"c.{suffix}"
+        path.write_bytes(lfs)
+        item = one(path)
+        assert item.kind == "broken" and item.remedy == "git lfs pull", (suffix, item.fault)
+    (tmp_path / "d.mp4.dvc").write_text("outs:\n- md5: 12\n  path: d.mp4\n")
+    item = one(tmp_path / "d.mp4.dvc")
+    assert item.kind == "broken" and item.remedy == "dvc pull"
+    (tmp_path / "d.mp4").write_bytes(b"its content")
+    assert one(tmp_path / "d.mp4.dvc").kind == "other"
 
 
 NAMES = (
@@ -150,12 +165,16 @@ def test_a_video_is_one_under_any_name(drawn: DemoArchive, tmp_path: Path) -> No
 
 def test_streams_without_a_container_are_known_by_their_first_unit(tmp_path: Path) -> None:
     av = pytest.importorskip("av", reason="clips are made with PyAV")
-    for number, (encoder, container) in enumerate((("libx264", "h264"), ("libx265", "hevc"))):
+    streams = {"h264": "libx264", "hevc": "libx265", "m4v": "mpeg4", "dv": "dvvideo", "apng": "apng"}
+    for number, (container, encoder) in enumerate(streams.items()):
+        size = (720, 576) if container == "dv" else (64, 64)
+        pixels = "rgb24" if container == "apng" else "yuv420p"
         with av.open(str(tmp_path / f"clip_{number}"), "w", format=container) as out:
             stream = out.add_stream(encoder, rate=25)
-            stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
-            for _ in range(4):
-                out.mux(stream.encode(av.VideoFrame.from_ndarray(np.zeros((64, 64, 3), np.uint8), "bgr24")))
+            (stream.width, stream.height), stream.pix_fmt = size, pixels
+            for shade in range(4):
+                picture = np.full((size[1], size[0], 3), 20 * shade, np.uint8)
+                out.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "bgr24").reformat(format=pixels)))
             out.mux(stream.encode())
         assert one(tmp_path / f"clip_{number}").kind == "video"
         with open_video(tmp_path / f"clip_{number}", "pyav") as video:
@@ -204,3 +223,14 @@ def test_what_is_no_video_is_passed_over_as_before(tmp_path: Path, name: str, co
     (tmp_path / name).write_bytes(content)
     item = one(tmp_path)
     assert item.kind == "other" and item.fault
+
+
+def test_files_beside_clips_of_their_names_are_no_lost_examples(tmp_path: Path) -> None:
+    for joint, label in ((4, "right"), (7, "left")):
+        write_clip(tmp_path / "examples" / label / "1.npz", 40, joint)
+        for name in ("1.npz.dvc", "1.eaf"):
+            (tmp_path / "examples" / label / name).write_text("outs: []")
+    write_clip(tmp_path / "in" / "a.npz", 30, 4, seed=1)
+    with pytest.warns(UserWarning, match="files beside clips of their names: 4"):
+        summary = classify_archive(tmp_path / "in", tmp_path / "examples", tmp_path / "run", "paper")
+    assert summary.exit_code == 0 and not summary.failed_examples

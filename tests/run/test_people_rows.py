@@ -11,7 +11,10 @@ import pytest
 from tiny_networks import FIGURE, dot_network, dot_picture
 
 from gesture_core.cli.main import run
+from gesture_core.run.extract import Listener, first_person
+from gesture_core.run.inputs import discover_readable
 from gesture_core.run.results import open_results
+from gesture_core.settings import load_settings
 from gesture_core.video.writer import write_video
 
 pytestmark = pytest.mark.usefixtures("in_this_process")
@@ -69,3 +72,17 @@ def test_several_people_need_a_network_that_tells_them_apart(
     said = capsys.readouterr().err
     assert said.count("E_POSE_PEOPLE") == 1 and "hpe0001" in said
     assert run(["extract", *arguments]) == 0  # nothing had begun
+
+
+def test_the_network_is_said_only_where_it_is_asked(clip: Path, tmp_path: Path) -> None:
+    settings = load_settings(pose__model=str(dot_network(tmp_path / "dots.onnx")))
+    items = discover_readable([str(clip)], settings=settings)
+    said: list[str] = []
+
+    class Listening(Listener):
+        def network(self, text: str) -> None:
+            said.append(text)
+
+    for _ in range(2):
+        assert not first_person(items[0], settings, listener=Listening())[0].code
+    assert len(said) == 1 and "dots.onnx" in said[0], "the second time its keypoints are there"

@@ -16,6 +16,7 @@ from troubles import write_clip
 from gesture_core import classify_archive
 from gesture_core.cli.main import run as command
 from gesture_core.errors import ConfigError, MissingDependencyError
+from gesture_core.report.run_rows import read_rows
 from gesture_core.run.addresses import entries
 from gesture_core.run.explain import explain
 from gesture_core.run.pipeline import RunSummary
@@ -43,6 +44,9 @@ def test_the_same_run_from_another_folder_has_nothing_to_do(
     again = classify("../home/videos", "../home/examples", "../home/run")
     assert again.done_now == 0 and again.fingerprint == first.fingerprint
     assert [row.input for row in again.rows()] == ["videos/left.npz", "videos/right.npz"], "as typed first"
+    assert explain("../home/run", "left").explanation.nearest.example == "examples/left/1.npz"
+    page = read_rows(Path("../home/run"), folder / "clips", previews=False)
+    assert all(page.details), "what is fitted has the names that the run knows the examples by"
     shutil.move(folder / "home" / "examples", folder / "away" / "deep" / "moved")
     write_clip(folder / "home" / "videos" / "more.npz", 30, 4, seed=2)
     moved = classify("../home/videos", "deep/moved", "../home/run")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -131,6 +131,12 @@ def test_the_containers_word_on_pixels_counts_more_than_the_codecs(tmp_path: Pat
 
 
 @pytest.mark.parametrize("reader", READERS)
+def test_pixels_that_are_square_but_for_a_rounding_cost_no_note(tmp_path: Path, reader: str) -> None:
+    found = read(write_tracks(tmp_path / "v.mp4", [Track(pixels=Fraction(193, 192))]), reader)
+    assert (found.info.width, found.info.height) == SIZE and found.report.notes == ()
+
+
+@pytest.mark.parametrize("reader", READERS)
 def test_square_pixels_cost_no_note(tmp_path: Path, reader: str) -> None:
     found = read(write_tracks(tmp_path / "v.mp4", [Track(pixels=Fraction(1, 1))]), reader)
     assert found.report.notes == () and found.report.assumed == ""
@@ -224,6 +230,14 @@ def test_a_variable_rate_keeps_its_times_and_is_noted(tmp_path: Path, reader: st
     assert "variable" not in read(tmp_path / "c.mkv", reader).notes
 
 
+@pytest.mark.parametrize("reader", READERS)
+def test_a_pause_is_noted(tmp_path: Path, reader: str) -> None:
+    stamps = [*range(0, 800, 40), *range(9000, 9800, 40)]
+    write_clip(tmp_path / "v.mkv", "mjpeg", frames=len(stamps), stamps=stamps)
+    found = read(tmp_path / "v.mkv", reader)
+    assert "no frame for 8.2 s after 0.8 s, by the file's times" in found.notes
+
+
 # ---- several streams of pictures
 
 CLIP = Track(first=5)
@@ -291,12 +305,41 @@ def test_what_looks_like_a_track_among_the_data_is_none(tmp_path: Path) -> None:
             assert len(track_types(file)) <= 1
 
 
-@pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi"])
+@pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi", "wmv", "ts"])
 def test_opencv_says_that_it_cannot_choose(tmp_path: Path, suffix: str) -> None:
-    found = read(write_tracks(tmp_path / f"v.{suffix}", [CLIP, Track(size=(32, 32))]), "opencv")
+    tracks = [CLIP, Track(size=(32, 32))]
+    if suffix == "ts":  # a codec that OpenCV finds there
+        tracks = [replace(track, codec="libx264") for track in tracks]
+    found = read(write_tracks(tmp_path / f"v.{suffix}", tracks), "opencv")
     assert "2 video streams, of which OpenCV reads the first" in found.notes
     with pytest.raises(MediaError, match="the first of its 2 video streams is a picture"):
         read(write_tracks(tmp_path / f"p.{suffix}", [PREVIEW, CLIP]), "opencv")
+
+
+def test_the_header_inside_a_recording_is_no_second_stream(tmp_path: Path) -> None:
+    """Some recorders write fragments, and at the end a header that hides the first one among the data."""
+    whole = write_tracks(tmp_path / "v.mp4", [CLIP]).read_bytes()
+    start = whole.index(b"moov") - 4
+    hidden = whole[start : start + int.from_bytes(whole[start : start + 4], "big")]
+    hidden = struct.pack(">I4s", 8 + len(hidden), b"free") + hidden
+    (tmp_path / "v.mp4").write_bytes(whole + hidden)
+    assert read(tmp_path / "v.mp4", "opencv").report.notes == ()
+
+
+def test_interlaced_pictures_are_shown_or_refused(tmp_path: Path) -> None:
+    """Some releases of OpenCV cannot convert them, and give memory as it was in their place."""
+    path = tmp_path / "v.mpg"
+    write_clip(path, "mpeg2video", frames=20, options={"flags": "+ildct+ilme", "b": "4M"})
+    shown = read(path).frames
+    assert len(shown) == 20
+    try:
+        found = read(path, "opencv").frames
+    except MediaError as error:
+        assert "20 pictures are one" in error.cause and "gesture-core[video]" in str(error.remedy)
+    else:
+        assert np.abs(found[9].astype(int) - shown[9]).mean() < 5
+    write_clip(tmp_path / "still.mkv", "mjpeg", frames=1)
+    assert len(read(tmp_path / "still.mkv", "opencv").frames) == 1
 
 
 # ---- side data that PyAV does not know

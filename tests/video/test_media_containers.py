@@ -177,6 +177,8 @@ def test_healthy_files_are_complete_and_on_time(
     for reader in READERS:
         if reader == "opencv" and codec == "libsvtav1" and OLD_OPENCV:
             continue
+        if reader == "opencv" and "interlaced=1" in str(options):
+            continue  # shown by none of its newest releases
         times, report = read(path, reader)
         assert len(times) == FRAMES and report.complete, (reader, report.notes)
         # OpenCV dates the first reordered picture of an AVI one frame late.

@@ -153,6 +153,19 @@ def test_frames_that_change_their_size_are_scaled_into_the_first(tmp_path: Path,
         assert not frames[-1][:, :8].any() and frames[-1][:, 12:-12].mean() > 50
 
 
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("begins", ["amid a packet", "behind remains"])
+def test_a_broadcast_whose_beginning_is_missing_is_read(tmp_path: Path, begins: str, reader: str) -> None:
+    write_clip(tmp_path / "v.ts", "h264", frames=60)
+    whole = (tmp_path / "v.ts").read_bytes()
+    before = whole[97:] if begins == "amid a packet" else bytes(range(256)) * 5 + whole
+    (tmp_path / "v.ts").write_bytes(before)
+    _, frames, _ = read(tmp_path / "v.ts", reader)
+    assert len(frames) >= 48
+    (tmp_path / "v.ts").write_bytes(b"const G = 1;\n" * 500)
+    assert code_of(tmp_path / "v.ts", reader) == "E_MEDIA_FORMAT"
+
+
 ODD_NAMES = [
     b"a b.mp4", b"it's \"so\".mp4", b"-leading.mp4", b"new\nline.mp4", b"caf\xe9.mp4", b"%d.mp4",
     b"a:b.mp4", b"http:x.mp4", b"concat:a|b.mp4", b"\xff\xfe.mp4", "Größe-動画.mp4".encode(), b"[1].mp4",

@@ -1,4 +1,4 @@
-// How the query was warped to both examples: film strips with what was matched, and the channels that decided.
+// How the query was warped to both examples: film strips with what was matched, and the channels that differ most.
 "use strict";
 gesture.alignment = (() => {
   const { make, draw, number, examples } = gesture;
@@ -86,7 +86,7 @@ gesture.alignment = (() => {
     heads.push(...channels.map((one) => one.move));
     const legend = make("p", { class: "legend" }, make("span", { class: "key query" }, "this input"), near ? make("span", { class: "key near" }, near.label) : null, far ? make("span", { class: "key far" }, far.label) : null);
     return {
-      element: make("div", { class: "alignment" }, strips, make("h3", {}, "The channels that decided"), legend, make("div", { class: "channels" }, ...channels.map((one) => one.element)),
+      element: make("div", { class: "alignment" }, strips, make("h3", {}, "The channels that differ most"), legend, make("div", { class: "channels" }, ...channels.map((one) => one.element)),
         make("p", { class: "dim small" }, "Both examples are shown at the input's time; costs are parts of the distance.")),
       move: (at) => heads.forEach((one) => one(at)),
     };

@@ -101,9 +101,8 @@ window.gesture = (() => {
     if (row.best === null) return false;
     if (threshold.value === null) return row.label !== null;
     if (threshold.by === "distance") {
-      // Of two limits with one code: what the distance would have passed was refused for its score.
-      const byScore = row.code === "E_REJECTED" && data.min_score !== null && (data.reject === null || row.distance <= data.reject);
-      return !byScore && row.code !== "E_UNSURE" && row.distance !== null && row.distance <= threshold.value;
+      if (data.min_score !== null && row.score !== null && row.score < data.min_score) return false;
+      return row.code !== "E_UNSURE" && row.distance !== null && row.distance <= threshold.value;
     }
     if (sureness === "confidence" && data.margin !== null && row.margin !== null && row.margin < data.margin) return false;
     return row.code !== "E_REJECTED" && (row[sureness] === null || row[sureness] >= threshold.value);

@@ -66,7 +66,7 @@ gesture.list = (() => {
       last = -1;
     }
     const count = state.shown.length;
-    if (!height) height = parseFloat(getComputedStyle(document.documentElement).getPropertyValue("--row"));
+    if (!height) height = parseFloat(getComputedStyle(document.body).getPropertyValue("--row"));
     const start = table.getBoundingClientRect().top + table.tHead.offsetHeight;
     const from = Math.max(0, Math.floor((-start - innerHeight * 0.5) / height));
     const to = Math.min(count - 1, Math.ceil((-start + innerHeight * 1.5) / height));

@@ -208,11 +208,11 @@ gesture.overview = (() => {
       const some = rows.find((row) => row.input === input);
       const length = Math.max(some.length, ...events.map((row) => row.end), 0.001);
       const people = [...new Set(events.map((row) => row.person))].sort((a, b) => a - b);
-      const track = make("div", { class: "track", style: { height: `${Math.max(1, people.length) * 30}px` } });
+      const track = make("div", { class: "track", style: { height: `calc(${Math.max(1, people.length)} * var(--lane))` } });
       for (const row of events) {
         const button = make("button", {
           type: "button", class: "event", title: `${row.label}, ${number(row.start, 2)} to ${number(row.end, 2)} s, score ${number(row.score, 2)}`,
-          style: { left: `${(100 * row.start) / length}%`, width: `${(100 * (row.end - row.start)) / length}%`, top: `${people.indexOf(row.person) * 30}px`, "--sure": `${Math.round(35 + 65 * (row.score ?? 1))}%` },
+          style: { left: `${(100 * row.start) / length}%`, width: `${(100 * (row.end - row.start)) / length}%`, top: `calc(${people.indexOf(row.person)} * var(--lane))`, "--sure": `${Math.round(35 + 65 * (row.score ?? 1))}%` },
           onclick: () => gesture.stage.choose(row, { scroll: true }),
         }, row.label);
         refresh.push(() => button.setAttribute("aria-pressed", state.chosen === row));

@@ -53,6 +53,7 @@ gesture.stage = (() => {
     const fact = (name, value) => value && facts.append(make("div", {}, make("dt", {}, name), make("dd", {}, value)));
     fact(sureness, row[sureness] === null ? "" : number(row[sureness]));
     if (sureness === "confidence") fact("margin", row.margin === null ? "" : number(row.margin));
+    if (sureness !== "score") fact("score", row.score === null ? "" : number(row.score));
     fact("distance", row.distance === null ? "" : distance(row.distance));
     fact("time", row.start === null ? "" : `${number(row.start, 2)} to ${number(row.end, 2)} s`);
     fact("person", row.person ? String(row.person) : "");

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -115,7 +115,7 @@ class Decider:
         with _writing(folder):
             self._recognizer.save(folder / FITTED, {"fingerprint": fingerprint, "examples": self._names})
         self.keep_distances(run)
-        return ""
+        return self._recognizer.note
 
     def open_fitted(self, run: str, fingerprint: str, names: Sequence[str]) -> bool:
         """Take the fitted examples that `fit` has left in the run folder; False where it has not.
@@ -125,7 +125,7 @@ class Decider:
         """
         self._worker.slow()
         known = KnownDistances.read(decoded(run) / DISTANCES, self._compared_by(fingerprint))
-        self._recognizer = open_fitted(decoded(run), fingerprint, known, names)
+        self._recognizer = open_fitted(decoded(run), fingerprint, names, known)
         self._known = known if self._recognizer else None
         return self._recognizer is not None
 
@@ -220,16 +220,16 @@ def _writing(run: Path) -> Iterator[None]:
 
 
 def open_fitted(
-    run: Path, fingerprint: str, known: KnownDistances | None = None, names: Sequence[str] | None = None
+    run: Path, fingerprint: str, names: Iterable[str], known: KnownDistances | None = None
 ) -> Recognizer | None:
     """The fitted examples that a run has left in its folder.
 
     None where there are none, or those of other settings or examples (``names`` are those of all that were
-    given, where they are known), or of another version: they are a copy of what can be fitted again.
+    given), or of another version: they are a copy of what can be fitted again.
     """
     try:
         recognizer, facts = Recognizer.load(run / FITTED, known)
     except InputError:
         return None
-    fits = facts.get("fingerprint") == fingerprint and (names is None or facts.get("examples") == list(names))
+    fits = facts.get("fingerprint") == fingerprint and sorted(facts.get("examples", ())) == sorted(names)
     return recognizer if fits else None

@@ -21,6 +21,7 @@ from gesture_core.video.integrity.iso import (
     mirrored_rotation,
     picture_tracks,
     read_fragments,
+    track_kinds,
 )
 
 MAX_NOTES = 12
@@ -153,7 +154,9 @@ class Integrity:
         return found
 
     def track_types(self) -> list[int]:
-        """The types of a Matroska file's tracks: 1 pictures, 2 sound, 17 subtitles."""
+        """The types of the tracks of Matroska (1 pictures, 2 sound, 17 subtitles) and mov (1 pictures, 0)."""
+        if self.container == "mov":
+            return track_kinds(self.file)
         from gesture_core.video.integrity.matroska import track_types
 
         return track_types(self.file)

@@ -100,6 +100,14 @@ def picture_tracks(file: BinaryIO) -> dict[int, int]:
     return found
 
 
+def track_kinds(file: BinaryIO) -> list[int]:
+    """1 for each track of pictures, 0 for each other one. The position of the file is kept."""
+    place = file.tell()
+    tracks = [body for kind, body in _boxes(_movie_header(file)) if kind == b"trak"]
+    file.seek(place)
+    return [int(_child(track, b"mdia", b"hdlr")[8:12] == b"vide") for track in tracks]
+
+
 def has_movie_header(file: BinaryIO) -> bool:
     """Whether there is a box `moov`, without which nothing says where the frames are."""
     return any(kind == b"moov" for _, _, kind, _ in _file_boxes(file))

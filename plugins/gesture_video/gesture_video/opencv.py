@@ -28,10 +28,18 @@ if TYPE_CHECKING:
 _RETRIES = 16
 # What marks a picture track in the header of a container, and what marks other tracks.
 _PICTURE_TRACKS = {
-    "mov": (rb"hdlr.{8}vide", rb"hdlr.{8}(soun|subt|text)"),
     "avi": (rb"strh.{4}vids", rb"strh.{4}auds"),
+    "asf": (rb"\xc0\xef\x19\xbc\x4d\x5b\xcf\x11", rb"\x40\x9e\x69\xf8\x4d\x5b\xcf\x11"),
+    "ogg": (rb"\x80theora|BBCD\0|OVP80", rb"\x01vorbis|OpusHead|\x7fFLAC|Speex   "),
 }
 _SEARCHED = 4 << 20
+# The map of a programme in a transport stream, and the codecs of pictures: ISO 13818-1, section 2.4.4.8.
+_MAP = re.compile(rb"\x47[\x40-\x5f].[\x10-\x1f]\0(\x02[\xb0-\xbf].{180})", re.DOTALL)
+_PICTURE_TYPES = frozenset(b"\x01\x02\x10\x1b\x20\x24\x33\x42\xd1\xea")
+# Pictures among which one differs from the first, if only by noise. What OpenCV cannot convert, as interlaced
+# pictures in some releases, it gives as the memory of the picture was.
+_MOVED_IN = 8
+_REMEDY = "pip install 'gesture-core[video]', whose reader "
 _OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 
 
@@ -40,8 +48,8 @@ class OpenCvReader:
 
     What it cannot do: keep the aspect of a picture that changes its size half-way (stretched into the
     first size); see pixels that change their shape half-way; choose among several video streams, or see the
-    frame rate in a stream without times (it notes both); show interlaced pictures, in some releases; notice
-    damage, but for frames that are missing from a plausible count.
+    frame rate in a stream without times (it notes both); show interlaced pictures, in some releases, which is
+    an error; notice damage, but for frames that are missing from a plausible count.
     """
 
     def open(self, path: Path, limits: VideoLimits) -> OpenCvDecoder:
@@ -58,7 +66,7 @@ class OpenCvDecoder(VideoDecoder):
         import cv2
 
         self._integrity = Integrity(self.file, self.container, self.log)
-        self._capture = _capture(self.file, self.path)
+        self._capture = _capture(self.file, self.path, self.container)
         self.resources.callback(self._capture.release)
         if not self._capture.isOpened():
             raise self._unopened()
@@ -95,22 +103,21 @@ class OpenCvDecoder(VideoDecoder):
         return self.error(
             "OpenCV finds no video stream that it can decode",
             "E_MEDIA_BROKEN",
-            "pip install 'gesture-core[video]', whose reader names the cause",
+            _REMEDY + "names the cause",
         )
 
     def _tracks(self) -> tuple[int, int]:
-        """Number of picture tracks and of others; where it is no Matroska file, as far as marks tell."""
-        if self.container == "matroska":
+        """Number of picture tracks and of others; where it has no list of them, as far as marks tell."""
+        if self.container in ("mov", "matroska"):
             types = self._integrity.track_types()
             return types.count(1), len(types) - types.count(1)
-        marks = _PICTURE_TRACKS.get(self.container)
-        if marks is None:
-            return 0, 0
-        place, size, searched = self.file.tell(), self.file.seek(0, 2), b""
-        for start in dict.fromkeys((0, max(0, size - _SEARCHED))):
-            self.file.seek(max(start, len(searched)))
-            searched += self.file.read(_SEARCHED)
+        place = self.file.tell()
+        self.file.seek(0)
+        searched = self.file.read(_SEARCHED)
         self.file.seek(place)
+        if self.container == "mpegts":
+            return _programmes(searched)
+        marks = _PICTURE_TRACKS.get(self.container, (rb"(?!)", rb"(?!)"))
         pictures, others = (len(re.findall(mark, searched, re.DOTALL)) for mark in marks)
         return pictures, others
 
@@ -123,12 +130,17 @@ class OpenCvDecoder(VideoDecoder):
                 f"{several} video streams, of which OpenCV reads the first; the reader pyav chooses"
             )
         yield self._first
+        still, first = True, self._first[1]
         while (item := self._next()) is not None:
+            still = still and np.array_equal(item[1], first)
             yield item
-        if several > 1 and self._integrity.frames == 1:
+        found = self._integrity.frames
+        if several > 1 and found == 1:
             cause = f"the first of its {several} video streams is a picture, and OpenCV cannot read another"
-            remedy = "pip install 'gesture-core[video]', whose reader chooses"
-            raise self.error(cause, "E_MEDIA_NO_FRAMES", remedy)
+            raise self.error(cause, "E_MEDIA_NO_FRAMES", _REMEDY + "chooses")
+        if still and found >= _MOVED_IN:
+            cause = f"its {found} pictures are one: nothing moves, or it is interlaced and OpenCV shows none"
+            raise self.error(cause, "E_MEDIA_NO_FRAMES", _REMEDY + "shows it")
         # Where the header has no count, OpenCV makes one of its duration and the average rate.
         count, fps = self._get(cv2.CAP_PROP_FRAME_COUNT), self._get(cv2.CAP_PROP_FPS)
         duration = count / fps if 0 < count < 1e9 and fps > 0 else None
@@ -162,7 +174,24 @@ class OpenCvDecoder(VideoDecoder):
         return value if math.isfinite(value) else 0.0
 
 
-def _capture(file: BinaryIO, path: Path) -> cv2.VideoCapture:
+def _programmes(searched: bytes) -> tuple[int, int]:
+    """Streams of pictures and others that the maps of a transport stream list."""
+    streams: dict[tuple[bytes, bytes], bool] = {}
+    for section in _MAP.findall(searched):
+        end, at = 3 + _twelve(section, 1) - 4, 12 + _twelve(section, 10)
+        while at + 5 <= min(end, len(section)):
+            streams[section[3:5], section[at + 1 : at + 3]] = section[at] in _PICTURE_TYPES
+            at += 5 + _twelve(section, at + 3)
+    pictures = sum(streams.values())
+    return pictures, len(streams) - pictures
+
+
+def _twelve(data: bytes, at: int) -> int:
+    """The number of twelve bits behind four others."""
+    return int.from_bytes(data[at : at + 2], "big") & 0xFFF
+
+
+def _capture(file: BinaryIO, path: Path, container: str) -> cv2.VideoCapture:
     import cv2
 
     # By descriptor: OpenCV dies of a file name that is not UTF-8, and FFmpeg reads "a:b" as a protocol.
@@ -172,13 +201,13 @@ def _capture(file: BinaryIO, path: Path) -> cv2.VideoCapture:
         name = f"/dev/fd/{file.fileno()}"
     else:
         name = str(path.absolute())
-    with _restricted():
+    with _restricted(container):
         return cv2.VideoCapture(name, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
 
 
 @contextmanager
-def _restricted() -> Iterator[None]:
-    """Let FFmpeg inside OpenCV open the listed containers from plain files, and nothing else, silently.
+def _restricted(container: str) -> Iterator[None]:
+    """Let FFmpeg inside OpenCV open that container from plain files, and nothing else, silently.
 
     OpenCV takes FFmpeg's options from the environment only; what the user has set there stays and
     is followed by the restriction. What OpenCV would print becomes an error or a note anyway.
@@ -190,7 +219,7 @@ def _restricted() -> Iterator[None]:
     level = logging.getLogLevel()
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     before = os.environ.get(_OPTIONS)
-    ours = f"format_whitelist;{','.join(CONTAINERS)}|protocol_whitelist;file"
+    ours = f"input_format;{container}|format_whitelist;{','.join(CONTAINERS)}|protocol_whitelist;file"
     os.environ[_OPTIONS] = f"{before}|{ours}" if before else ours
     logging.setLogLevel(0)
     try:
