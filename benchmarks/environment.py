@@ -14,7 +14,7 @@ PACKAGES = ("numpy", "numba", "jax", "torch", "scipy")
 
 def one_thread() -> None:
     """Keep the libraries' own thread pools at one thread; call before jax or torch is imported."""
-    for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ[variable] = "1"
     os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
 

@@ -1,6 +1,7 @@
 """The DTW engine against other libraries and against hand-written C.
 
     python benchmarks/kernels.py [--shared ../shared] [--plot docs/images/kernels.png]
+    python benchmarks/kernels.py --only subsequence
 
 Installs the peers into an environment of their own (``.venv-peers``), compiles ``lanes.c``, and
 prints one table for each goal. CPU-seconds are of one thread unless a row says otherwise; medians.
@@ -25,14 +26,20 @@ from gesture_core.dtw.batches import make_batches
 from gesture_core.dtw.reference import reference_distance
 from gesture_core.dtw.soft import soft_warping_gradient
 from gesture_core.dtw.spec import DtwSpec
+from gesture_core.dtw.subsequence import choose_subsequence_kernel, reference_subsequences
 from gesture_core.plugin import registry
 from gesture_core.types import Signals
 
 HERE = Path(__file__).resolve().parent
 PEERS = HERE.parent / ".venv-peers"
-PACKAGES = ("aeon==1.6.0", "tslearn==0.10.0", "dtaidistance==2.5.1", "fastdtw==0.3.4")
+PACKAGES = ("aeon==1.6.0", "tslearn==0.10.0", "dtaidistance==2.5.1", "fastdtw==0.3.4", "stumpy==1.14.1")
 KERNELS = ("numba", "jax", "torch", "torch, compiled", "numpy")
 PLAIN = ("numba", "jax", "torch")
+TASKS = ("one", "several", "paper", "soft", "subsequence")
+BLOCK = 512
+"""Frames of a stream at once, where real time is asked for."""
+FLOOR = 0.05
+"""Under the variances of subsequences, as `spot.floor`."""
 RUNS = 7
 WARM_UP = 0.5
 SQUARED = DtwSpec(cost="squared", reduce="sum")
@@ -43,7 +50,9 @@ def peer_environment() -> Path:
     python = PEERS / "bin" / "python"
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", str(PEERS)], check=True)
-    have = subprocess.run([python, "-c", "import aeon, tslearn, dtaidistance, fastdtw"], capture_output=True)
+    have = subprocess.run(
+        [python, "-c", "import aeon, tslearn, dtaidistance, fastdtw, stumpy"], capture_output=True
+    )
     if have.returncode:
         subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
     return python
@@ -125,12 +134,16 @@ def check_conventions(peers: dict, data: dict[str, np.ndarray]) -> None:
     """Ask the reference for what the peers computed: the same choices, or the ratios mean nothing."""
     rooted = SQUARED.replace(mode="dependent", root=True)
     specs = {"one": rooted, "several": rooted, "soft": rooted.replace(root=False, gamma=float(data["gamma"]))}
+    wanted = {}
     for task, spec in specs.items():
         x, y = (data[f"{task}_{side}"][0].reshape(64, -1) for side in "ab")
-        wanted = reference_distance(x, y, spec)
+        wanted[task] = reference_distance(x, y, spec)
+    # Steps through a stream are other ones than the kernel's: here the libraries are held to each other.
+    wanted["subsequence"] = peers["subsequence"]["tslearn"][1]
+    for task in wanted.keys() & peers.keys():
         for name, (_, found) in peers[task].items():
-            if np.isfinite(found) and abs(found - wanted) > 1e-5 * abs(wanted):
-                raise SystemExit(f"{name} computes {found} where the reference computes {wanted} ({task})")
+            if np.isfinite(found) and abs(found - wanted[task]) > 1e-5 * abs(wanted[task]):
+                raise SystemExit(f"{name} computes {found} where {wanted[task]} is expected ({task})")
 
 
 def line(name: str, cpu: float, cells: float, best: float, *more: str) -> None:
@@ -154,11 +167,35 @@ def peer_lines(peers: dict, cells: float) -> float:
     return best
 
 
+def subsequences(query: np.ndarray, stream: np.ndarray, examples: list[np.ndarray], peers: dict) -> None:
+    """Tables 8 and 9: one query in a stream beside the peers, and many examples against real time."""
+    heading(f"8. One query of {len(query)} frames × {query.shape[1]} channels over {len(stream):,} frames")
+    cells = float(len(query) * len(stream))
+    best = peer_lines(peers, cells)
+    names = [name for name in PLAIN if name in registry().names("kernel", usable=True)]
+    for name in names:
+        kernel = choose_subsequence_kernel(name, {name: {"threads": 1}} if name == "numba" else None)[1]
+        found = kernel.subsequences([query], FLOOR).push(stream[:300])[0][:, 0]
+        np.testing.assert_allclose(found, reference_subsequences(stream[:300], query, FLOOR)[0], 1e-4)
+        cpu, _ = measure(lambda kernel=kernel: kernel.subsequences([query], FLOOR).push(stream))
+        line(f"**{name}**", cpu, cells, best)
+    shape = f"{len(examples)} examples of {len(query)} frames × {query.shape[1]} channels"
+    print(f"\n### 9. {shape}, blocks of {BLOCK} frames\n")
+    print("| | µs CPU / frame | µs wall / frame | × real time at 20 Hz |\n|---|---|---|---|", flush=True)
+    for name, threads in [("numba", 1), ("numba", 2)] if "numba" in names else []:
+        kernel = choose_subsequence_kernel(name, {name: {"threads": threads}})[1]
+        state = kernel.subsequences(examples, FLOOR)
+        cpu, wall = measure(lambda state=state: state.push(stream[:BLOCK]), 101)
+        row = f"| **{name}**, threads: {threads} | {cpu / BLOCK * 1e6:.1f} | {wall / BLOCK * 1e6:.1f} |"
+        print(f"{row} {BLOCK / 20 / wall:,.0f} |", flush=True)
+
+
 def main() -> None:
     """Print every table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--shared", type=Path, default=HERE.parent / ".." / "shared")
     parser.add_argument("--plot", type=Path)
+    parser.add_argument("--only", choices=["subsequence"])
     arguments = parser.parse_args()
     one_thread()
     kernels = usable()
@@ -176,7 +213,11 @@ def main() -> None:
         "soft_b": many_b[:24, :, :3],
         "gamma": np.array(1.0),
         "paper_count": np.array(len(sample)),
+        "tasks": np.array([arguments.only] if arguments.only else TASKS),
+        "query": rng.normal(size=(40, 36)).astype(np.float32),
+        "stream": rng.normal(size=(12_000, 36)).astype(np.float32),
     }
+    many = [rng.normal(size=(40, 36)).astype(np.float32) for _ in range(180)]
     for i, (x, y) in enumerate(sample):
         data[f"paper_{i}_x"] = np.ascontiguousarray(x.values.T, np.float64)
         data[f"paper_{i}_y"] = np.ascontiguousarray(y.values.T, np.float64)
@@ -184,6 +225,9 @@ def main() -> None:
     peers = ask_peers(data)
     check_conventions(peers, data)
     header({name: str(number) for name, number in peers.pop("versions").items()})
+    if arguments.only:
+        subsequences(data["query"], data["stream"], many, peers["subsequence"])
+        return
 
     heading("1. Hard, one dimension, length 64, 256 × 256, one thread", "× C")
     square = 64.0 * 64
@@ -236,6 +280,7 @@ def main() -> None:
     for script in ("search.py", "memory.py"):
         print(flush=True)
         subprocess.run([sys.executable, HERE / script, arguments.shared], check=False)
+    subsequences(data["query"], data["stream"], many, peers["subsequence"])
     if arguments.plot:
         plot(arguments.plot, rates, peers["one"], compiled)
 

@@ -121,19 +121,51 @@ def soft(a: np.ndarray, b: np.ndarray, gamma: float) -> dict[str, tuple[float, f
     }
 
 
+def subsequence(query: np.ndarray, stream: np.ndarray) -> dict[str, tuple[float, float]]:
+    """Where in (T, D) a query (m, D) is: the table that each library looks for it in, and its least distance.
+
+    stumpy compares windows without warping, channel by channel.
+    """
+    import stumpy
+    from dtaidistance.subsequence.dtw import subsequence_alignment
+    from tslearn.metrics import subsequence_cost_matrix
+
+    def aligned() -> np.ndarray:
+        alignment = subsequence_alignment(query, stream, penalty=0, use_c=True)
+        alignment.align()
+        return np.asarray(alignment.matching_function()) * len(query)
+
+    channels = [np.ascontiguousarray(side.T) for side in (query, stream)]
+    return {
+        "dtaidistance": (seconds_each(aligned, 1), float(aligned().min())),
+        "tslearn": (
+            seconds_each(lambda: subsequence_cost_matrix(query, stream), 1),
+            float(np.sqrt(subsequence_cost_matrix(query, stream)[-1].min())),
+        ),
+        "stumpy.mass, by channel": (
+            seconds_each(lambda: [stumpy.mass(q, t) for q, t in zip(*channels, strict=True)], 1),
+            float("nan"),
+        ),
+    }
+
+
 def main(path: str) -> None:
-    """Run every task on the arrays of ``path``."""
+    """Run the tasks that the arrays of ``path`` name."""
     data = np.load(path)
     count = int(data["paper_count"])
     pairs = [tuple(data[f"paper_{i}_{part}"] for part in ("x", "y", "use")) for i in range(count)]
-    out = {
-        "one": one_dimension(data["one_a"], data["one_b"]),
-        "several": several_dimensions(data["several_a"], data["several_b"]),
-        "paper": paper(pairs),  # type: ignore[arg-type]
-        "soft": soft(data["soft_a"].astype(float), data["soft_b"].astype(float), float(data["gamma"])),
-        "versions": {name: version(name) for name in ("aeon", "dtaidistance", "tslearn", "fastdtw", "numpy")},
+    tasks: dict[str, Callable[[], dict[str, tuple[float, float]]]] = {
+        "one": lambda: one_dimension(data["one_a"], data["one_b"]),
+        "several": lambda: several_dimensions(data["several_a"], data["several_b"]),
+        "paper": lambda: paper(pairs),  # type: ignore[arg-type]
+        "soft": lambda: soft(
+            data["soft_a"].astype(float), data["soft_b"].astype(float), float(data["gamma"])
+        ),
+        "subsequence": lambda: subsequence(data["query"].astype(float), data["stream"].astype(float)),
     }
-    print(json.dumps(out))
+    libraries = ("aeon", "tslearn", "dtaidistance", "fastdtw", "stumpy", "numpy")
+    out: dict[str, object] = {name: run() for name, run in tasks.items() if name in data["tasks"]}
+    print(json.dumps(out | {"versions": {name: version(name) for name in libraries}}))
 
 
 if __name__ == "__main__":

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from gesture_core.skeletons import SKELETONS
 
-__all__ = ["joint_named", "words_of"]
+__all__ = ["joint_named", "joints_named", "words_of"]
 
 _BETWEEN = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[A-Za-z])(?=\d)|(?<=\d)(?=[A-Za-z])")
 _SIDES = {"left": "left", "l": "left", "lt": "left", "right": "right", "r": "right", "rt": "right"}
@@ -31,7 +32,7 @@ _ALIASES = {
     "midhip": "mid_hip", "hipcenter": "mid_hip", "shouldercenter": "neck", "spineshoulder": "neck",
     "spinebase": "mid_hip", "hand_tip": "hand_tip", "handtip": "hand_tip", "spine_mid": "spine",
     "spine_middle": "spine", "mid_spine": "spine", "spine_1": "spine1", "spine_2": "spine2",
-    "spine_3": "spine3",
+    "spine_3": "spine3", "spine_navel": "spine", "spine_chest": "chest", "clavicle": "collar",
 }  # fmt: skip
 
 
@@ -63,6 +64,23 @@ def joint_named(name: str) -> str | None:
             if rest != whole and (found := _sided(side, rest.strip("_"))):
                 return found
     return None
+
+
+def joints_named(names: Sequence[str]) -> list[str | None]:
+    """The joint that each of ``names`` is; what is called the neck lies above it where another is its base.
+
+    Examples
+    --------
+    >>> joints_named(["Neck", "SpineShoulder"]), joints_named(["Neck", "SpineMid"])
+    (['upper_neck', 'neck'], ['neck', 'spine'])
+    """
+    found = [joint_named(name) for name in names]
+    called = ["neck" in words_of(name) for name in names]
+    based = ("neck", False) in zip(found, called, strict=True)
+    return [
+        "upper_neck" if based and own and joint == "neck" else joint
+        for joint, own in zip(found, called, strict=True)
+    ]
 
 
 def _sided(side: str, part: str) -> str | None:

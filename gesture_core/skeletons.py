@@ -303,6 +303,8 @@ _STAND_INS: tuple[tuple[str, tuple[str, str]], ...] = (
     ("right_hip", ("mid_hip", "mid_hip")),
     ("left_wrist", ("left_hand", "left_hand")),
     ("right_wrist", ("right_hand", "right_hand")),
+    ("left_ankle", ("left_foot", "left_foot")),
+    ("right_ankle", ("right_foot", "right_foot")),
     ("left_wrist", ("left_hand_wrist", "left_hand_wrist")),
     ("right_wrist", ("right_hand_wrist", "right_hand_wrist")),
 )

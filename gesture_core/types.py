@@ -359,7 +359,7 @@ def _matrix(item: Signals | np.ndarray, index: int, name: str) -> np.ndarray:
         array = item.values if isinstance(item, Signals) else np.asarray(item)
     except (TypeError, ValueError, RuntimeError) as error:  # torch raises the last of these, JAX the first
         module = type(item).__module__.partition(".")[0]
-        ways = {"torch": "tensor.detach().cpu()", "jax": "concrete arrays, outside of jit and grad"}
+        ways = {"torch": "tensor.detach().cpu().float()", "jax": "concrete arrays, outside of jit and grad"}
         remedy = ways.get(module)
         reason = f": {str(error).partition(chr(10))[0]}" if remedy else ""
         raise InputError(
@@ -367,11 +367,11 @@ def _matrix(item: Signals | np.ndarray, index: int, name: str) -> np.ndarray:
             remedy=f"{remedy}, or soft_warping with its gradients" if remedy else "",
             code="E_DTYPE",
         ) from None
-    if array.ndim == 1:
-        array = array[:, None]
+    array = array[:, None] if array.ndim == 1 else array
     if array.ndim != 2 or 0 in array.shape:
+        found = f"has shape {array.shape}" if array.shape else f"is a {type(item).__name__}"
         raise InputError(
-            f"{name} {index} has shape {array.shape}, expected (T,) or (T, D), not empty",
+            f"{name} {index} {found}, expected (T,) or (T, D), not empty",
             code="E_EMPTY" if 0 in array.shape else "E_DIMENSIONS",
         )
     if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):

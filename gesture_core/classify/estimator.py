@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.exceptions import NotFittedError
 
 from gesture_core.classify.comparison import is_still
 from gesture_core.classify.decision import k_nearest, probabilities, refusals, votes_of
 from gesture_core.classify.examples import ExampleLibrary
 from gesture_core.classify.learning import ExampleWeights
-from gesture_core.classify.recognizer import Item, Recognizer, signals_of
+from gesture_core.classify.recognizer import Item, Recognizer, sequence_of, signals_of
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import printable
 from gesture_core.records import Prediction
@@ -125,7 +126,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
             Where an example or a label cannot be used; the message names it. A fitted classifier
             then stays as it was.
         """
-        settings = self._resolve()
+        settings, X = self._resolve(), sequence_of(X)
         if self.reject is None and len(X) > 0 and not isinstance(next(iter(X)), PoseSequence | Signals):
             # A preset's distance is in the unit of its own chain, which bare arrays do not have.
             settings = replace(settings, classify=replace(settings.classify, reject=None))
@@ -205,11 +206,15 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         Raises
         ------
         InputError
-            Where labels are neither texts nor numbers.
+            Where labels are neither texts nor numbers, or the file cannot be written.
         """
         self._check_fitted()
         parameters = {name: _plain(value) for name, value in self.get_params(deep=False).items()}
-        self._recognizer.save(Path(path), {"parameters": parameters})
+        try:
+            self._recognizer.save(Path(path), {"parameters": parameters})
+        except OSError as error:
+            cause = f"cannot be written: {error.strerror}"
+            raise InputError(cause, subject=printable(path), remedy="another path") from error
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> GestureClassifier:
@@ -318,7 +323,7 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
 
     def _check_fitted(self) -> None:
         if not self.__sklearn_is_fitted__():
-            raise InputError(
+            raise _NotFitted(
                 "the classifier has no examples yet", remedy="fit(X, y) first", code="E_EXAMPLES"
             )
 
@@ -331,6 +336,10 @@ class GestureClassifier(ClassifierMixin, BaseEstimator):
         tags.input_tags.three_d_array = True
         tags.input_tags.allow_nan = True
         return tags
+
+
+class _NotFitted(InputError, NotFittedError):
+    """What scikit-learn and its users expect of a classifier without examples."""
 
 
 def _plain(value: Any) -> Any:

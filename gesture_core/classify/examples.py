@@ -13,6 +13,9 @@ import numpy as np
 from gesture_core.errors import InputError
 from gesture_core.types import Signals
 
+_MISSING = ("NAType", "NaTType")
+"""Types of what pandas puts in the place of no value."""
+
 
 @dataclass(frozen=True, eq=False)
 class ExampleLibrary:
@@ -95,7 +98,7 @@ def _encoded(labels: tuple[object, ...]) -> tuple[np.ndarray, np.ndarray]:
     """
     alike = "labels of one kind, such as all strings"
     for index, label in enumerate(labels):
-        if label is None or (isinstance(label, float) and label != label):
+        if label is None or type(label).__name__ in _MISSING or (isinstance(label, float) and label != label):
             raise InputError(f"label {index} is missing: {label!r}", code="E_LABELS")
     try:
         array = np.asarray(labels)

@@ -10,7 +10,7 @@ import json
 import os
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set, Sized
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -105,7 +105,7 @@ class Recognizer:
 
         Pairs in ``known`` are not compared again; it learns those that are.
         """
-        _refuse_frame(X)
+        X, y = sequence_of(X), _listed(y, "y", "a list with one label for each example")
         if len(X) != len(y):
             raise InputError(f"{len(X)} examples and {len(y)} labels", code="E_EXAMPLES")
         check_settings(settings)
@@ -184,7 +184,7 @@ class Recognizer:
         found: dict[int, Prediction] = {}
         usable: dict[int, Signals | np.ndarray] = {}
         chain = Chain.from_settings(self.settings)
-        for place, item in enumerate(X):
+        for place, item in enumerate(sequence_of(X)):
             try:
                 usable[place] = _signals_of(item, chain, f"query {place}")
             except GestureError as error:
@@ -301,24 +301,38 @@ class Recognizer:
 
 def signals_of(X: Sequence[Item], settings: Settings, name: str) -> list[Signals | np.ndarray]:
     """``X`` with keypoints made signals; an error says of which element, ``name`` and number, it is."""
+    chain = Chain.from_settings(settings)
+    return [_signals_of(item, chain, f"{name} {index}") for index, item in enumerate(sequence_of(X))]
+
+
+def sequence_of(X: Iterable[Item]) -> Sequence[Item]:
+    """``X`` as it is, or the list of what it gives; an InputError where it is no sequence of series."""
     if isinstance(X, PoseSequence | Recording | Signals):
         raise InputError(f"one {type(X).__name__} instead of a sequence of them", remedy="a list: [it]")
     if isinstance(X, str | os.PathLike):
         raise _not_loaded(X)
-    _refuse_frame(X)
-    chain = Chain.from_settings(settings)
-    return [_signals_of(item, chain, f"{name} {index}") for index, item in enumerate(X)]
-
-
-def _refuse_frame(X: Sequence[Item]) -> None:
-    """Refuse a data frame, in which sktime keeps many series."""
-    if hasattr(X, "columns"):
+    if hasattr(X, "columns"):  # in which sktime keeps many series
         raise InputError(
             "one data frame instead of a sequence of them",
             remedy="[frame] for one series; [one for _, one in X.groupby(level=0)] where the first level of "
             "its index numbers them; a list of (T, D) arrays where its cells hold series",
             code="E_DTYPE",
         )
+    return _listed(X, "X", "a list of keypoints, of signals or of (T, D) arrays")
+
+
+def _listed(values: Iterable[Any], name: str, remedy: str) -> Sequence[Any]:
+    """``values``, whose order counts."""
+    try:
+        iter(values)
+    except TypeError:
+        ordered = False
+    else:
+        ordered = not isinstance(values, Mapping | Set | str | bytes) and not hasattr(values, "columns")
+    if not ordered:
+        cause = f"{name} is a {type(values).__name__}, and no sequence"
+        raise InputError(cause, remedy=remedy, code="E_DTYPE")
+    return values if isinstance(values, Sized) else list(values)  # type: ignore[return-value]
 
 
 def _warn_of_axes(X: Sequence[Item], stacklevel: int) -> None:

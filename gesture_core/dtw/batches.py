@@ -5,7 +5,7 @@ Here wrong input is refused, before any kernel sees it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -62,6 +62,9 @@ def refuse_one(series: Series, name: str = "series") -> None:
             "list(array) where each row is a series",
             code="E_DIMENSIONS",
         )
+    if isinstance(one, str | bytes) or not isinstance(one, Iterable):
+        cause = f"{name} are a {type(one).__name__}, expected a sequence of series"
+        raise InputError(cause, remedy="lists of (T,) or (T, D) arrays", code="E_DTYPE")
 
 
 def check_batches(queries: SignalBatch, examples: SignalBatch, spec: DtwSpec, *, bare: bool) -> None:

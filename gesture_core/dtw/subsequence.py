@@ -90,15 +90,10 @@ class SubsequenceState(ABC):
             raise InputError(f"frames of shape {frames.shape}", code="E_DIMENSIONS")
         before = len(self._squares)
         self._sums, self._squares = self.running(frames)
-        costs, lengths = self.advance(frames.astype(self.cells.dtype))
-        reached = costs < UNREACHABLE / 10
-        lengths = np.where(reached, lengths, 0).astype(np.int32)
-        variances = self.variances(self._sums, self._squares, before, lengths)
-        size = np.sqrt((self.spread + self.floor) * (variances + self.floor))
-        distances = np.full(costs.shape, np.inf)
-        np.divide(costs / self.frames, size, out=distances, where=reached & (size > 0))
+        costs, lengths = self.advance(frames.astype(self.cells.dtype, copy=False))
+        found = self.relative(costs, lengths, before)
         self._sums, self._squares = self._sums[-self._horizon :], self._squares[-self._horizon :]
-        return distances, lengths
+        return found
 
     def running(self, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The sums as they are, and after each of the (B, D) frames.
@@ -110,19 +105,22 @@ class SubsequenceState(ABC):
         squares = np.concatenate([self._squares[-1:], (values**2).sum(axis=1)])
         return sums, np.concatenate([self._squares, np.cumsum(squares)[1:]])
 
-    def variances(
-        self, sums: np.ndarray, squares: np.ndarray, before: int, lengths: np.ndarray
-    ) -> np.ndarray:
-        """(B, N) variances of subsequences, summed over the channels.
+    def relative(self, costs: np.ndarray, lengths: np.ndarray, before: int) -> tuple[np.ndarray, np.ndarray]:
+        """(B, N) distances, infinite where no path ends, and lengths, 0 there.
 
-        ``sums`` (R, D) and ``squares`` (R,) are running sums; row ``before + b`` is that at the end of
-        frame b, and ``lengths`` are (B, N).
+        Row ``before + b`` of the running sums is that at the end of frame b.
         """
+        reached = costs < UNREACHABLE / 10
+        lengths = np.where(reached, lengths, 0).astype(np.int32)
         ends = before + np.arange(len(lengths))[:, None]
         count = np.maximum(lengths, 1)
-        means = (sums[ends] - sums[ends - lengths]) / count[..., None]
-        whole = (squares[ends] - squares[ends - lengths]) / count
-        return np.asarray(np.maximum(whole - (means**2).sum(axis=-1), 0))
+        means = (self._sums[ends] - self._sums[ends - lengths]) / count[..., None]
+        whole = (self._squares[ends] - self._squares[ends - lengths]) / count
+        variances = np.maximum(whole - (means**2).sum(axis=-1), 0)
+        size = np.sqrt((self.spread + self.floor) * (variances + self.floor))
+        distances = np.full(costs.shape, np.inf)
+        np.divide(costs / self.frames, size, out=distances, where=reached & (size > 0))
+        return distances, lengths
 
 
 def choose_subsequence_kernel(

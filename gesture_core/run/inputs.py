@@ -386,7 +386,7 @@ def _not_found(path: Path, where: str = "") -> InputError:
     missing = "nothing matches" if glob.has_magic(os.fspath(path)) else "no such file or folder"
     return InputError(
         f"{missing}{f', {where}' if where else ''}", subject=printable(os.fspath(path)),
-        remedy="check the path", code="E_NOT_FOUND",
+        remedy=FRAMES if "%" in path.name else "check the path", code="E_NOT_FOUND",
     )  # fmt: skip
 
 

@@ -114,6 +114,8 @@ class Readers:
 
     def why_not(self, path: Path) -> str:
         """Why no reader takes the file ``path``: what the readers of files with such a name say of it."""
+        if path.stat().st_size == 0:
+            return "is empty, 0 bytes"
         near = [reader for reader in self._every if reader.suffixes and _may_take(reader, path)]
         causes = []
         for reader in near:

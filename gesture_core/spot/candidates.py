@@ -10,6 +10,10 @@ from gesture_core.spot.examples import SpottingExamples
 
 _AROUND = 2
 """Frames before and after an end that must be farther: each candidate costs the classifier a look."""
+_SHORT = 0.75
+"""Of the usual length of its gesture: what is shorter is often a part of it, or of another one."""
+_MOMENT = 1e-6
+"""Seconds that a subsequence has at least."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,10 @@ class Candidate:
     example : int
         The nearest one.
     rank : float
-        Lower is better: the distance, larger the less the classifier is sure of the class.
+        What its threshold is asked of: the distance, or its mean with that on all channels, larger the less
+        the classifier is sure of the class.
+    lack : float
+        How many times shorter it is than three quarters of what is usual of its class; at least 1.
     """
 
     start: float
@@ -35,6 +42,12 @@ class Candidate:
     distance: float
     example: int
     rank: float
+    lack: float = 1.0
+
+    @property
+    def order(self) -> float:
+        """The lower, the better, of those that overlap."""
+        return self.rank * self.lack
 
     def overlaps(self, other: Candidate, share: float) -> bool:
         """Whether the two have more than ``share`` of the shorter one in common."""
@@ -62,6 +75,7 @@ class Search:
     def __init__(self, examples: SpottingExamples, present: np.ndarray, worst: np.ndarray | float) -> None:
         self._looking = examples.look_into(present)
         self._example, self._worst = examples.example, worst
+        self._short = _SHORT * examples.usual_seconds()
         classes, codes = len(examples.classes), examples.code_of_series()
         self._columns = [
             [np.flatnonzero(codes[members] == code) for code in range(classes)]
@@ -119,7 +133,8 @@ class Search:
             one = frame + _AROUND
             distance, example = float(self._best[one, code]), int(self._example[self._series[one, code]])
             start, end = float(self._begin[one, code]), float(ends[frame])
-            found[frame].append(Candidate(start, end, code, distance, example, distance))
+            lack = max(1.0, float(self._short[code]) / max(end - start, _MOMENT))
+            found[frame].append(Candidate(start, end, code, distance, example, distance, lack))
         kept = slice(-2 * _AROUND, None)
         self._best, self._series, self._begin = self._best[kept], self._series[kept], self._begin[kept]
         return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,6 +63,8 @@ class SpottingExamples:
         The thresholds come from the examples; otherwise no class had two of them.
     recognizer : Recognizer or None
         The second stage.
+    again : SpottingExamples or None
+        With the second stage, the same on the filters of clips, where the first search has some of its own.
     """
 
     settings: Settings
@@ -75,6 +78,7 @@ class SpottingExamples:
     thresholds: np.ndarray
     calibrated: bool
     recognizer: Recognizer | None
+    again: SpottingExamples | None = None
 
     @classmethod
     def fit(
@@ -111,6 +115,7 @@ class SpottingExamples:
             alive()
         tempos = 1 + len(chosen.tempos)
         still = np.array([not one.selected for one in series[::tempos]])
+        plain = replace(settings, spot=replace(chosen, chain=(), verify=False))
         made = cls(
             settings,
             chain,
@@ -123,6 +128,7 @@ class SpottingExamples:
             np.full(len(classes), np.inf),
             False,
             Recognizer.fit(settings, poses, list(labels), names, alive=alive) if chosen.verify else None,
+            cls.fit(plain, poses, labels, names, alive=alive) if chosen.verify and chosen.chain else None,
         )
         return made._with_thresholds(alive)
 
@@ -139,6 +145,11 @@ class SpottingExamples:
             "try: more examples of each, or --set spot.threshold=…"
         )
 
+    @property
+    def limits(self) -> np.ndarray:
+        """(C,) rank up to which a class has events: its threshold, or the geometric mean of its two."""
+        return self.thresholds if self.again is None else np.sqrt(self.thresholds * self.again.thresholds)
+
     def code_of_series(self) -> np.ndarray:
         """(N,) class of each of the series."""
         return np.asarray(self.codes[self.example])
@@ -150,8 +161,10 @@ class SpottingExamples:
         means: np.ndarray = np.bincount(self.codes, seconds) / np.bincount(self.codes)
         return means
 
-    def look_into(self, present: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, Subsequences]]:
-        """Begin to look for the examples in a stream that has the (D,) channels ``present``.
+    def look_into(
+        self, present: np.ndarray, code: int | None = None
+    ) -> list[tuple[np.ndarray, np.ndarray, Subsequences]]:
+        """Begin to look for the examples, or those of one class, in a stream with (D,) channels ``present``.
 
         Returns
         -------
@@ -161,8 +174,10 @@ class SpottingExamples:
         _, kernel = choose_subsequence_kernel(self.settings.classify.kernel, self.settings.options)
         groups: dict[bytes, list[int]] = {}
         for number, signals in enumerate(self.series):
+            if code is not None and self.codes[self.example[number]] != code:
+                continue
             wanted = _wanted(signals)
-            spread = signals.values.var(axis=0, dtype=np.float64)
+            spread = self._spread[number]
             used = wanted & present
             if used.any() and spread[used].sum() >= _COMMON * spread[wanted].sum():
                 groups.setdefault(used.tobytes(), []).append(number)
@@ -173,6 +188,11 @@ class SpottingExamples:
             state = kernel.subsequences(values, self.settings.spot.floor)
             looking.append((np.array(members), channels, state))
         return looking
+
+    @cached_property
+    def _spread(self) -> list[np.ndarray]:
+        """The variance of each channel of each of the series."""
+        return [one.values.var(axis=0, dtype=np.float64) for one in self.series]
 
     def _with_thresholds(self, alive: Callable[[], None]) -> SpottingExamples:
         """The same with thresholds: what is usual between the examples of a class.
@@ -202,13 +222,13 @@ class SpottingExamples:
         return replace(self, thresholds=thresholds, calibrated=bool(known.any()))
 
     def distances_between(self, alive: Callable[[], None] = lambda: None) -> np.ndarray:
-        """(E, E) distance of the best subsequence of each example (row) to each other one."""
+        """(E, E) distance of the best subsequence of each example (row) to each other one of its class."""
         table: np.ndarray = np.full((len(self), len(self)), np.inf)
         own = np.flatnonzero(np.diff(self.example, prepend=-1))
         for number, place in enumerate(own):
             signals = self.series[place]
             assert signals.present is not None
-            for members, channels, state in self.look_into(signals.present):
+            for members, channels, state in self.look_into(signals.present, int(self.codes[number])):
                 distances, lengths = state.push(signals.values[:, channels])
                 covers = lengths >= _PART * len(signals)
                 best = np.where(covers, distances, np.inf).min(axis=0)

@@ -31,6 +31,8 @@ _SHORTEST = 2
 """Frames that a cut needs to be judged by the classifier."""
 _LEAST = 1e-3
 """Of what a distance is divided by."""
+_BEFORE = 1.0
+"""Seconds before a candidate in which it is looked where else it may begin."""
 
 Judge = Callable[[Sequence[Candidate]], list[Candidate]]
 
@@ -101,7 +103,7 @@ class EventSearch:
         return self._gestures(self._suppression.settle(np.inf))
 
     def _near(self, one: Candidate) -> bool:
-        threshold = self._examples.thresholds[one.code]
+        threshold = self._examples.limits[one.code]
         near = bool(one.rank <= threshold)
         if not near and self._examples.classes[one.code] != NONE:
             self.refused += 1
@@ -235,7 +237,11 @@ class Spotter:
     ) -> list[Candidate]:
         """The events in ``signals``, which were made of ``pose``, in blocks of ``block`` frames."""
         assert signals.present is not None
-        search = EventSearch(self.examples, signals.present, patience, lambda some: self._judged(some, pose))
+        again = self.examples.again
+        wide = again.chain(pose) if again else None
+        search = EventSearch(
+            self.examples, signals.present, patience, lambda some: self._judged(some, pose, wide)
+        )
         found: list[Candidate] = []
         for start in range(0, len(signals), block):
             part = slice(start, start + block)
@@ -290,23 +296,44 @@ class Spotter:
         self.refused, self.least = self.refused + going.refused, min(self.least, going.least)
         return found
 
-    def _judged(self, candidates: Sequence[Candidate], pose: PoseSequence | Recording) -> list[Candidate]:
+    def _judged(
+        self, candidates: Sequence[Candidate], pose: PoseSequence | Recording, signals: Signals | None = None
+    ) -> list[Candidate]:
         """The candidates whose cut the classifier gives the same label, the surer it is the better ranked.
 
         A score is about 1 for the right class and 0 for another one, but where the nearest examples vote; at
-        one half a candidate keeps its distance.
+        one half a candidate keeps its distance. ``signals`` are those of `SpottingExamples.again`, of the
+        whole ``pose``; in a stream they are made of its last frames.
         """
-        recognizer: Recognizer | None = self.examples.recognizer
+        recognizer, again = self.examples.recognizer, self.examples.again
         if recognizer is None:
             return list(candidates)
-        kept = []
+        agreed: list[tuple[Candidate, float]] = []
         for one, scores in self._scored(recognizer, candidates, pose):
             code = int(scores.argmax())
             label = recognizer.library.classes[code]
             if np.isfinite(scores[code]) and label == self.examples.classes[one.code]:
                 sure = max(2 * float(scores[code]), _LEAST) if not recognizer.fitted.votes else 1.0
-                kept.append(replace(one, rank=one.distance / sure))
-        return kept
+                agreed.append((one, sure))
+        if again is None or not agreed:
+            return [replace(one, rank=one.distance / sure) for one, sure in agreed]
+        if signals is None:
+            first = min(one.start for one, _ in agreed) - _BEFORE
+            try:
+                signals = again.chain(pose.part(slice(int(np.searchsorted(pose.times, first)), None)))
+            except GestureError:  # as a clip it would get no label either
+                return []
+        return [replace(one, rank=self._twice(again, one, signals) / sure) for one, sure in agreed]
+
+    def _twice(self, again: SpottingExamples, one: Candidate, signals: Signals) -> float:
+        """A candidate's distance and that of ``again`` to what ends with it in ``signals``: their mean."""
+        assert signals.present is not None
+        start, stop = np.searchsorted(signals.times, (one.start - _BEFORE, one.end + 1e-6))
+        nearest = np.inf
+        for _, channels, state in again.look_into(signals.present, one.code):
+            distances, _ = state.push(signals.values[start:stop, channels])
+            nearest = min(nearest, float(distances[-1:].min(initial=np.inf)))
+        return float(np.sqrt(one.distance * nearest))
 
     def _scored(
         self, recognizer: Recognizer, candidates: Sequence[Candidate], pose: PoseSequence | Recording
@@ -322,7 +349,7 @@ class Spotter:
         yield from zip((one for one, _ in usable), scores, strict=True)
 
     def _event(self, one: Candidate, source: str, person: int) -> Event:
-        threshold = float(self.examples.thresholds[one.code])
+        threshold = float(self.examples.limits[one.code])
         return Event(
             source,
             person,

@@ -1,8 +1,8 @@
 """Which candidates become events: the best first, and none over another.
 
-Thresholds are asked after the ranks (non-maximum suppression): the better half of a movement of another
-class must not be refused first and leave room for the worse half. A candidate that its threshold refuses
-keeps only worse ones away.
+Thresholds are asked last (non-maximum suppression): the better half of a movement of another class must not
+be refused first and leave room for the worse half. A candidate that its threshold refuses keeps only worse
+ones away. What is short comes behind what overlaps it, and is not refused for that: some people are fast.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Suppression:
     def add(self, candidate: Candidate) -> None:
         """Let ``candidate`` wait, unless what was decided keeps it away."""
         for other, accepted in self._decided:
-            better = accepted or other.rank <= candidate.rank
+            better = accepted or other.order <= candidate.order
             if better and candidate.overlaps(other, self._overlap):
                 return
         self._waiting.append(candidate)
@@ -48,8 +48,8 @@ class Suppression:
         """Events that are certain at ``now``: their patience is over, and nothing better waits over them."""
         events: list[Candidate] = []
         while any(self._due(one) <= now for one in self._waiting):
-            # Of equal ranks the one that ended first.
-            order = sorted(self._waiting, key=lambda one: (one.rank, one.end, one.code))
+            # Of equal ones that which ended first.
+            order = sorted(self._waiting, key=lambda one: (one.order, one.end, one.code))
             due = None
             for place, one in enumerate(order):
                 free = not any(one.overlaps(better, self._overlap) for better in order[:place])

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from sklearn.exceptions import NotFittedError
 from swings import data, pose, swing
 
 from gesture_core import GestureClassifier, warping_distances
@@ -191,3 +193,42 @@ def test_postures_are_no_turned_series() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         GestureClassifier(kernel="numpy").fit([np.eye(3)[[k]] for k in (0, 1)], ["up", "down"])
+
+
+def test_what_has_no_order_or_no_elements_is_named() -> None:
+    class Frame:
+        columns = ("label",)
+
+        def __iter__(self) -> Iterator[str]:
+            return iter(self.columns)
+
+    poses, labels = data()
+    model = GestureClassifier("paper").fit(iter(poses), (label for label in labels))  # type: ignore[arg-type]
+    assert model.predict(iter(poses)).tolist() == labels  # type: ignore[arg-type]
+    for X in (None, 3, {"a": poses[0]}, set(labels), np.array(3.0)):
+        kind = type(X).__name__
+        for use in (model.predict, model.predictions, lambda X: GestureClassifier("paper").fit(X, labels)):
+            with pytest.raises(InputError, match=f"X is a {kind}, and no sequence; try: a list of keypoints"):
+                use(X)  # type: ignore[arg-type]
+    for y in (None, 3, "abcabcabc", set(labels), Frame()):
+        with pytest.raises(InputError, match=f"y is a {type(y).__name__}, and no sequence; try: a list with"):
+            GestureClassifier("paper").fit(poses, y)  # type: ignore[arg-type]
+    for one in (None, 3, "a", poses[0]):
+        with pytest.raises(InputError, match=f"queries are a {type(one).__name__}, expected a sequence"):
+            warping_distances(one, [np.zeros(3)], kernel="numpy")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"query 0 is a PoseSequence, expected \(T,\) or"):
+        warping_distances(poses, poses, kernel="numpy")
+
+
+def test_a_value_that_pandas_calls_missing_is_a_missing_label() -> None:
+    missing = type("NAType", (), {})()
+    with pytest.raises(InputError, match="label 1 is missing"):
+        GestureClassifier("paper").fit(data()[0][:2], ["a", missing])
+
+
+def test_a_classifier_without_examples_is_one_that_is_not_fitted(tmp_path: Path) -> None:
+    for use in ("predict", "predict_proba", "decision_function", "kneighbors"):
+        with pytest.raises(NotFittedError, match=r"no examples yet; try: fit\(X, y\) first"):
+            getattr(GestureClassifier(), use)(data()[0])
+    with pytest.raises(InputError, match="cannot be written: Is a directory; try: another path"):
+        GestureClassifier("paper").fit(*data()).save(tmp_path)

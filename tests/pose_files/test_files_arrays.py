@@ -317,3 +317,41 @@ def test_the_real_landmarks(shared: Path) -> None:
         np.testing.assert_allclose(sequence.scores, raw[name][..., 3])
         neck = sequence.onto("coco18").keypoints[:, 1]
         np.testing.assert_allclose(neck, sequence.keypoints[:, 11:13].mean(axis=1), rtol=1e-5)
+
+
+PLACES = {
+    "nose": (0, -20), "head_top": (0, -40), "head": (0, -30), "neck": (0, 0), "upper_neck": (0, -10),
+    "mid_hip": (0, 60), "spine": (0, 30), "shoulder": (20, 0), "elbow": (24, 30), "wrist": (26, 58),
+    "hand": (26, 64), "hand_tip": (26, 70), "thumb": (22, 66), "hip": (10, 60), "knee": (11, 105),
+    "ankle": (12, 148), "foot": (14, 152), "eye": (3, -24), "ear": (6, -22), "big_toe": (16, 152),
+    "small_toe": (18, 151), "heel": (12, 152),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("meant", "taken"), [("kinect25", "body25"), ("h36m17", "coco17")])
+def test_an_array_in_the_order_of_another_skeleton_of_its_size_is_refused(
+    tmp_path: Path, meant: str, taken: str
+) -> None:
+    rng = np.random.default_rng(0)
+    for order in (meant, taken):
+        places = []
+        for joint in SKELETONS[order].joints:
+            side, _, part = joint.partition("_")
+            x, y = PLACES[part if side in ("left", "right") else joint]
+            places.append((x if side == "left" else -x, y))
+        np.save(tmp_path / f"{order}.npy", 300 + np.array(places) + rng.normal(0, 2, (20, len(places), 2)))
+    (right,) = ArrayReader().read(tmp_path / f"{taken}.npy")
+    assert right.skeleton == taken
+    with pytest.raises(KeypointError, match=f"lie as those of {meant}, not of {taken}") as caught:
+        ArrayReader().read(tmp_path / f"{meant}.npy")
+    assert f"keypoints.order={meant}" in caught.value.remedy
+    for order in (meant, taken):  # who says it is believed
+        (pose,) = ArrayReader(ReadOptions(order=(order,))).read(tmp_path / f"{meant}.npy")
+        assert pose.skeleton == order
+
+
+def test_the_remedy_names_the_skeletons_of_a_size(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.ones((9, 20, 3)))
+    with pytest.raises(KeypointError) as caught:
+        ArrayReader().read(tmp_path / "a.npy")
+    assert "keypoints.order=kinect20" in caught.value.remedy

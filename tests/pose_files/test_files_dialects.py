@@ -190,7 +190,7 @@ def test_a_folder_of_clips_is_no_clip(tmp_path: Path) -> None:
 def test_frames_of_one_person_with_an_axis_for_people(tmp_path: Path) -> None:
     for number, frame in enumerate(COCO):
         np.save(tmp_path / f"{number}.npy", frame[None])
-    assert ArrayFramesReader().accepts(tmp_path)
+    assert ArrayFramesReader().accepts(tmp_path) and not ArrayReader().accepts(tmp_path / "0.npy")
     (pose,) = ArrayFramesReader().read(tmp_path)
     np.testing.assert_allclose(pose.keypoints, COCO[..., :2], rtol=1e-6)
 

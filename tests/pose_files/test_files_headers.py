@@ -209,3 +209,41 @@ def test_a_row_for_each_joint_of_two_people_needs_a_column(tmp_path: Path) -> No
     rows = [[f, j, 10 * n + p, 5] for f in range(3) for p in (0, 50) for n, j in enumerate(UPPER)]
     error = refused(save(tmp_path / "k.csv", ["frame", "joint", "x", "y"], rows))
     assert "twice" in error.cause and "person" in error.remedy
+
+
+KINECT2 = (
+    "SpineBase SpineMid Neck Head ShoulderLeft ElbowLeft WristLeft HandLeft ShoulderRight ElbowRight "
+    "WristRight HandRight HipLeft KneeLeft AnkleLeft FootLeft HipRight KneeRight AnkleRight FootRight "
+    "SpineShoulder HandTipLeft ThumbLeft HandTipRight ThumbRight"
+)
+AZURE = (
+    "PELVIS SPINE_NAVEL SPINE_CHEST NECK CLAVICLE_LEFT SHOULDER_LEFT ELBOW_LEFT WRIST_LEFT HAND_LEFT "
+    "HANDTIP_LEFT THUMB_LEFT CLAVICLE_RIGHT SHOULDER_RIGHT ELBOW_RIGHT WRIST_RIGHT HAND_RIGHT "
+    "HANDTIP_RIGHT THUMB_RIGHT HIP_LEFT KNEE_LEFT ANKLE_LEFT FOOT_LEFT HIP_RIGHT KNEE_RIGHT ANKLE_RIGHT "
+    "FOOT_RIGHT HEAD NOSE EYE_LEFT EAR_LEFT EYE_RIGHT EAR_RIGHT"
+)
+SMPL = (
+    "pelvis left_hip right_hip spine1 left_knee right_knee spine2 left_ankle right_ankle spine3 "
+    "left_foot right_foot neck left_collar right_collar head left_shoulder right_shoulder left_elbow "
+    "right_elbow left_wrist right_wrist"
+)
+
+
+@pytest.mark.parametrize(("names", "body"), [(KINECT2, "kinect25"), (AZURE, "kinect32"), (SMPL, "smpl22")])
+def test_the_names_of_a_maker_are_its_skeleton(tmp_path: Path, names: str, body: str) -> None:
+    joints = names.split()
+    points = np.random.default_rng(0).uniform(100, 400, (6, 2 * len(joints)))
+    path = tmp_path / "a.csv"
+    path.write_text(",".join(f"{joint}_{axis}" for joint in joints for axis in "xy") + "\n")
+    with path.open("a") as file:
+        np.savetxt(file, points, delimiter=",")
+    (pose,) = read(path)
+    assert pose.skeleton == body and "notes" not in pose.provenance
+    np.testing.assert_allclose(pose.keypoints.reshape(6, -1), points, rtol=1e-6)
+
+
+def test_where_the_thorax_is_named_it_is_the_neck(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Thorax_x,Thorax_y,Neck_x,Neck_y,LShoulder_x,LShoulder_y\n" + "1,2,3,4,5,6\n" * 3)
+    (pose,) = read(path)
+    assert pose.keypoints[0, COCO18.index("neck")].tolist() == [1, 2]

@@ -139,6 +139,10 @@ def test_pointers_are_told_from_content(tmp_path: Path) -> None:
         path.write_bytes(lfs)
         item = one(path)
         assert item.kind == "broken" and item.remedy == "git lfs pull", (suffix, item.fault)
+    (tmp_path / "e.npz").touch()
+    assert one(tmp_path / "e.npz").fault == "is empty, 0 bytes"
+    with pytest.raises(InputError, match=r"no such file.*ffmpeg -framerate 25"):
+        discover([tmp_path / "%04d.jpg"])
     (tmp_path / "d.mp4.dvc").write_text("outs:\n- md5: 12\n  path: d.mp4\n")
     item = one(tmp_path / "d.mp4.dvc")
     assert item.kind == "broken" and item.remedy == "dvc pull"

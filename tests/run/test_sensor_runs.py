@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from scipy.io import loadmat
 
 from gesture_core import (
     GestureClassifier,
@@ -198,6 +199,34 @@ def test_streams_count_alike_however_many_groups_they_have() -> None:
 
     np.testing.assert_allclose(shares(), [1, 1, 1], rtol=1e-4)
     np.testing.assert_allclose(shares("classify.weights=*@skin*=2"), [1, 1, 2], rtol=1e-4)
+
+
+def test_two_files_of_one_movement_are_put_in_step(shared: Path, tmp_path: Path) -> None:
+    """Real joints as two devices write them, the second later and faster, each by a clock that trembles."""
+    rng = np.random.default_rng(0)
+    for path in sorted((shared / "utd_skeleton").glob("a*_s[12]_t1_skeleton.mat")):
+        action, subject, _ = path.name.split("_", 2)
+        if action not in ("a1", "a9", "a22", "a25"):
+            continue
+        joints = loadmat(path)["d_skel"].transpose(2, 0, 1)
+        joints = joints - joints[:, 2:3]
+        there = np.arange(len(joints)) / 30
+        clip = tmp_path / ("examples/" + action if subject == "s1" else "clips") / f"{action}_{subject}"
+        for name, own, first, rate in (("arms", (6, 10), 0.0, 30), ("legs", (13, 17), 0.07, 50)):
+            times = np.arange(first, there[-1] - 0.1, 1 / rate)
+            times = np.sort(times + rng.normal(0, 0.004, len(times))).clip(0)
+            values = [np.interp(times, there, joints[:, joint, axis]) for joint in own for axis in range(3)]
+            header = "time," + ",".join(f"{name}{joint}_{axis}" for joint in own for axis in "xyz")
+            write(clip / f"{name}.csv", np.column_stack([times + 1000, *values]), header)
+    sets = ('series.streams=["arms","legs"]',)
+    settings = load_settings("sensors", sets, environment={})
+    summary = classify_archive(
+        tmp_path / "clips", tmp_path / "examples", tmp_path / "run", settings, engine="inline"
+    )
+    rows = summary.rows()
+    assert len(rows) == 4 and {row.status for row in rows} == {"ok"}
+    assert sum(row.label == Path(row.input).name.partition("_")[0] for row in rows) >= 3
+    assert {"arms6@arms/x", "legs17@legs/z"} <= {*rows[0].selected}
 
 
 @pytest.mark.parametrize(

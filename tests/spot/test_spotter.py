@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +15,9 @@ from streams import examples_of, strung
 
 from gesture_core import Spotter, load_poses, load_settings
 from gesture_core.demo.archive import DemoArchive
+from gesture_core.dtw.subsequence import reference_subsequences
 from gesture_core.errors import ConfigError, GestureError, InputError, PoseError
-from gesture_core.spot.candidates import Candidate
+from gesture_core.spot.candidates import Candidate, Search
 from gesture_core.spot.signals import spans, stream_chain
 from gesture_core.spot.spotter import EventSearch
 from gesture_core.spot.suppression import Suppression
@@ -131,6 +133,68 @@ def test_a_live_event_waits_for_what_it_lacks_of_its_gesture(spotter: Spotter) -
     events = search.push(np.concatenate([values, rest]), times[0] + step * np.arange(len(values) + len(rest)))
     first = min(events + search.finish(), key=lambda event: event.start)
     assert first.code == examples.codes[0] and first.end > times[-1] - 0.25 * usual[first.code]
+
+
+def test_what_is_shorter_than_its_gesture_usually_is_lacks_as_much(spotter: Spotter) -> None:
+    examples, lacks = spotter.examples, []
+    present = np.ones(examples.series[0].values.shape[1], bool)
+    for one, code in zip(examples.series, examples.codes[examples.example], strict=True):
+        search = Search(examples, present, np.inf)
+        found = [some for frame in search.push(one.values, one.times) for some in frame] + search.finish()
+        for some in found:
+            lack = 0.75 * examples.usual_seconds()[some.code] / (some.end - some.start)
+            np.testing.assert_allclose(some.lack, max(1.0, lack))
+            np.testing.assert_allclose(some.order, some.distance * some.lack)
+            lacks.append(some.lack)
+        assert any(some.code == code and some.order < 1e-3 for some in found)
+    assert min(lacks) == 1.0 < max(lacks)
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_what_the_classifier_agrees_with_is_looked_at_again_on_all_channels(
+    spotter: Spotter, string: tuple[PoseSequence, list[tuple[str, float, float]]], live: bool
+) -> None:
+    examples, pose = spotter.examples, string[0].part(slice(0, 250))
+    again = examples.again
+    assert again is not None and again.recognizer is None and again.again is None
+    assert set(examples.series[0].channels) < set(again.series[0].channels)
+    np.testing.assert_allclose(examples.limits**2, examples.thresholds * again.thresholds)
+    assert spotter._settings.spot.chain and not again.settings.spot.chain
+    signals, wide = examples.chain(pose), again.chain(pose)
+    assert signals.present is not None and wide.present is not None
+    search = Search(examples, signals.present, examples.thresholds)
+    found = [one for some in search.push(signals.values, signals.times) for one in some]
+    judged = spotter._judged(found, pose, None if live else wide)
+    assert judged
+    for one in judged:
+        rows = (wide.times > one.start - 1.01) & (wide.times <= one.end + 1e-6)
+        ways = []
+        for series, number in zip(again.series, again.example, strict=True):
+            if again.codes[number] == one.code and series.mask is not None and series.present is not None:
+                used = series.mask & series.present & wide.present
+                pair = wide.values[rows][:, used], series.values[:, used]
+                ways.append(reference_subsequences(*pair, SETTINGS.spot.floor)[0][-1])
+        sure = np.sqrt(one.distance * min(ways)) / one.rank
+        (alone,) = seen_once(spotter)._judged([one], pose)
+        np.testing.assert_allclose(sure, one.distance / alone.rank, rtol=0.1 if live else 1e-3)
+
+
+def seen_once(spotter: Spotter) -> Spotter:
+    """``spotter`` without the second look."""
+    other = copy(spotter)
+    other.examples = replace(spotter.examples, again=None)
+    return other
+
+
+def test_nothing_is_looked_at_again_where_nobody_judges_or_all_channels_were_there(
+    drawn: DemoArchive,
+) -> None:
+    poses, labels = examples_of(drawn)
+    for text in ("spot.verify=false", "spot.chain="):
+        chosen = load_settings(None, ["spot.tempos=", text], environment={})
+        examples = Spotter(poses, labels, chosen).examples
+        assert examples.again is None
+        np.testing.assert_array_equal(examples.limits, examples.thresholds)
 
 
 def test_a_copied_example_leaves_room_for_what_is_no_copy(drawn: DemoArchive) -> None:

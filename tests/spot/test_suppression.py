@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gesture_core.spot.candidates import Candidate
@@ -41,6 +43,14 @@ def test_a_refused_candidate_keeps_worse_ones_away_and_no_better_ones() -> None:
     assert settled([refused, worse], limits, 5.0) == []
     assert settled([refused, better], limits, 5.0) == [better]
     assert settled([refused, better], limits, 0.1) == [better]  # it was refused long before
+
+
+def test_what_is_too_short_comes_later_and_counts_for_as_much() -> None:
+    part = replace(one(1, 1.5, 0.3), lack=2.0)
+    whole, worse = one(1, 2, 0.5), one(1, 2, 0.7)
+    assert settled([part, whole], {0: 1.0}, 5.0) == [whole]
+    assert settled([part, worse], {0: 1.0}, 5.0) == [part]
+    assert settled([part], {0: 0.4}, 5.0) == [part]  # whoever is fast is as near as anybody
 
 
 def test_what_was_reported_is_not_taken_back() -> None:

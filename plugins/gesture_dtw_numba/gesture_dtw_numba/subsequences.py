@@ -62,8 +62,8 @@ class NumbaSubsequences(SubsequenceState):
 
     def advance(self, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(B, N) accumulated costs and lengths."""
-        x: np.ndarray = np.zeros((len(frames), len(self._padded)), np.float32)
-        x[:, : frames.shape[1]] = frames
+        missing = len(self._padded) - frames.shape[1]
+        x = np.pad(frames, ((0, 0), (0, missing))) if missing else frames
         costs: np.ndarray = np.empty((len(x), len(self.frames)), np.float32)
         lengths: np.ndarray = np.empty(costs.shape, np.int32)
 
@@ -84,15 +84,15 @@ class NumbaSubsequences(SubsequenceState):
         else:
             part(self._cuts)
         self._turn = (self._turn + len(x)) % 3
-        return costs.astype(np.float64), lengths
+        return costs, lengths
 
-    def variances(
-        self, sums: np.ndarray, squares: np.ndarray, before: int, lengths: np.ndarray
-    ) -> np.ndarray:
-        """(B, N) variances of subsequences."""
-        out: np.ndarray = np.zeros(lengths.shape)
-        spreads(sums, squares, before, lengths, out)
-        return out
+    def relative(self, costs: np.ndarray, lengths: np.ndarray, before: int) -> tuple[np.ndarray, np.ndarray]:
+        """(B, N) distances and lengths."""
+        distances = np.empty(costs.shape)
+        relate(
+            costs, lengths, self._sums, self._squares, before, self.frames, self.spread, self.floor, distances
+        )
+        return distances, lengths
 
     def running(self, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The sums as they are, and after each of the frames."""
@@ -104,25 +104,33 @@ class NumbaSubsequences(SubsequenceState):
         return sums, squares
 
 
-# Each loop is a function of its own over arrays of one dimension, with few of them: only so does the compiler
-# see rows without gaps, test at the start that they share no memory, and make vector instructions of it.
-# That is also why lengths are float32, and why the choice of a step, its cost and its length are three loops.
+# A row is cut out of its table in the function that loops over it: references to one that is handed over are
+# counted, which takes longer than forty cells do. Rows are of one dimension, and few to a loop: only so does
+# the compiler see that they have no gaps, test at the start that they share no memory, and make vector
+# instructions of short rows, too. That is also why lengths are float32, and costs and lengths two loops.
 
 
-def _add_costs(x: Any, y: Any, k0: Any, k1: Any, row: Any) -> None:
+def _add_costs(x: Any, at: Any, y: Any, k0: Any, k1: Any, rows: Any, f: Any) -> None:
+    p, row = x[at], rows[f][: k1 - k0]
     row[:] = 0
-    for d in range(0, len(x), 4):
-        x0, x1, x2, x3 = x[d], x[d + 1], x[d + 2], x[d + 3]
+    for d in range(0, len(p), 4):
+        p0, p1, p2, p3 = p[d], p[d + 1], p[d + 2], p[d + 3]
         y0, y1, y2, y3 = y[d][k0:k1], y[d + 1][k0:k1], y[d + 2][k0:k1], y[d + 3][k0:k1]
         for k in range(len(row)):
-            d0, d1, d2, d3 = y0[k] - x0, y1[k] - x1, y2[k] - x2, y3[k] - x3
+            d0, d1, d2, d3 = y0[k] - p0, y1[k] - p1, y2[k] - p2, y3[k] - p3
             row[k] = (((row[k] + d0 * d0) + d1 * d1) + d2 * d2) + d3 * d3
 
 
-def _add_costs_of_four(
-    p: Any, q: Any, r: Any, s: Any, y: Any, k0: Any, k1: Any, row_p: Any, row_q: Any, row_r: Any, row_s: Any
-) -> None:
+def _add_costs_of_four(x: Any, at: Any, y: Any, k0: Any, k1: Any, rows: Any, f: Any) -> None:
     """The same of four frames, with the same bits: an example is read once for all of them."""
+    width = k1 - k0
+    p, q, r, s = x[at], x[at + 1], x[at + 2], x[at + 3]
+    row_p, row_q, row_r, row_s = (
+        rows[f][:width],
+        rows[f + 1][:width],
+        rows[f + 2][:width],
+        rows[f + 3][:width],
+    )
     row_p[:] = 0
     row_q[:] = 0
     row_r[:] = 0
@@ -145,38 +153,34 @@ def _add_costs_of_four(
             row_s[k] = (((row_s[k] + d0 * d0) + d1 * d1) + d2 * d2) + d3 * d3
 
 
-def _choose(choice: Any, cost_one: Any, cost_two: Any, here: Any, last: Any) -> None:
-    """0 for a step by one frame of both, 1 over a frame of the example, 2 over one of the stream."""
+def _step(costs: Any, now: Any, k0: Any, k1: Any, rows: Any, f: Any) -> None:
+    """What the cheapest step into each cell leads to, and which it is.
+
+    0 by one frame of both, 1 over a frame of the example, 2 over one of the stream.
+    """
     half, none, skipped, waited = np.float32(0.5), np.float32(0), np.float32(1), np.float32(2)
-    from_one, wait_one, own, above, before = cost_one[1:], cost_two[1:], here[2:], here[1:], last[2:]
-    for k in range(len(here) - 2):
-        both = from_one[k] + own[k]
-        skip = cost_one[k] + (above[k] + own[k])
-        wait = wait_one[k] + half * (before[k] + own[k])
+    one, two = costs[(now + 2) % 3][k0:k1], costs[(now + 1) % 3][k0:k1]
+    cost, here, before, choice = costs[now][k0 + 2 : k1], rows[f + 1], rows[f], rows[TILE + 1]
+    for k in range(len(cost)):
+        own = here[k + 2]
+        both = one[k + 1] + own
+        skip = one[k] + (here[k + 1] + own)
+        wait = two[k + 1] + half * (before[k + 2] + own)
         least = skip if skip < both else both
         kind = skipped if skip < both else none
         choice[k] = waited if wait < least else kind
+        cost[k] = wait if wait < least else least
 
 
-def _pay(cost: Any, cost_one: Any, cost_two: Any, here: Any, last: Any) -> None:
-    half = np.float32(0.5)
-    cells, from_one, wait_one, own, above, before = (
-        cost[2:], cost_one[1:], cost_two[1:], here[2:], here[1:], last[2:],
-    )  # fmt: skip
-    for k in range(len(cells)):
-        both = from_one[k] + own[k]
-        skip = cost_one[k] + (above[k] + own[k])
-        wait = wait_one[k] + half * (before[k] + own[k])
-        least = skip if skip < both else both
-        cells[k] = wait if wait < least else least
-
-
-def _lengthen(span: Any, span_one: Any, span_two: Any, choice: Any) -> None:
-    one, two = np.float32(1), np.float32(2)
-    cells, from_one, wait_one = span[2:], span_one[1:], span_two[1:]
-    for k in range(len(cells)):
-        length = span_one[k] if choice[k] == one else from_one[k]
-        cells[k] = (wait_one[k] + two) if choice[k] == two else (length + one)
+def _lengthen(lengths: Any, now: Any, k0: Any, k1: Any, rows: Any) -> None:
+    single, double = np.float32(1), np.float32(2)
+    one, two = lengths[(now + 2) % 3][k0:k1], lengths[(now + 1) % 3][k0:k1]
+    length, choice = lengths[now][k0 + 2 : k1], rows[TILE + 1]
+    for k in range(len(length)):
+        # All are read before one is chosen: else the choice is one of addresses, which is read cell by cell.
+        both, skip, wait, kind = one[k + 1], one[k], two[k + 1], choice[k]
+        before = skip if kind == single else both
+        length[k] = (wait + double) if kind == double else (before + single)
 
 
 def _follow(
@@ -193,62 +197,65 @@ def _follow(
             scratch[0, :width] = local[k0:k1]
             whole = count - count % 4
             for f in range(0, whole, 4):
-                at = begin + f
-                add_costs_of_four(
-                    x[at], x[at + 1], x[at + 2], x[at + 3], y, k0, k1, scratch[f + 1][:width],
-                    scratch[f + 2][:width], scratch[f + 3][:width], scratch[f + 4][:width],
-                )  # fmt: skip
+                add_costs_of_four(x, begin + f, y, k0, k1, scratch, f + 1)
             for f in range(whole, count):
-                add_costs(x[begin + f], y, k0, k1, scratch[f + 1][:width])
+                add_costs(x, begin + f, y, k0, k1, scratch, f + 1)
             for f in range(count):
                 now = (turn + begin + f) % 3
-                one, two = (now + 2) % 3, (now + 1) % 3
-                cost, span = costs[now][k0:k1], lengths[now][k0:k1]
-                cost_one, cost_two = costs[one][k0:k1], costs[two][k0:k1]
-                here, last = scratch[f + 1][:width], scratch[f][:width]
-                choice = scratch[TILE + 1][:width]
-                choose(choice, cost_one, cost_two, here, last)
-                lengthen(span, lengths[one][k0:k1], lengths[two][k0:k1], choice)
-                pay(cost, cost_one, cost_two, here, last)
+                step(costs, now, k0, k1, scratch, f)
+                lengthen(lengths, now, k0, k1, scratch)
                 for n in range(left, right):
-                    enter = first[n] - 1 - k0
-                    cost[enter], span[enter], cost[enter - 1] = np.float32(0), np.float32(0), far
-                    out_costs[begin + f, n] = cost[end[n] - k0]
-                    out_lengths[begin + f, n] = np.int32(span[end[n] - k0])
+                    enter = first[n] - 1
+                    costs[now, enter], lengths[now, enter], costs[now, enter - 1] = (
+                        np.float32(0),
+                        np.float32(0),
+                        far,
+                    )
+                    out_costs[begin + f, n] = costs[now, end[n]]
+                    out_lengths[begin + f, n] = np.int32(lengths[now, end[n]])
             local[k0:k1] = scratch[count, :width]
 
 
 def _add_up(frames: Any, before: Any, sums: Any, squares: Any) -> None:
     for t in range(len(frames)):
-        row, total = before + t, 0.0
-        for d in range(frames.shape[1]):
-            value = float(frames[t, d])
-            sums[row, d] = sums[row - 1, d] + value
+        now, last, values = sums[before + t], sums[before + t - 1], frames[t]
+        total = 0.0
+        for d in range(len(values)):
+            value = float(values[d])
+            now[d] = last[d] + value
             total += value * value
-        squares[row] = squares[row - 1] + total
+        squares[before + t] = squares[before + t - 1] + total
 
 
-def _spreads(sums: Any, squares: Any, before: Any, lengths: Any, out: Any) -> None:
-    for b in range(lengths.shape[0]):
+def _relate(
+    costs: Any, lengths: Any, sums: Any, squares: Any, before: Any, frames: Any, spread: Any, floor: Any,
+    distances: Any,
+) -> None:  # fmt: skip
+    far = np.float32(UNREACHABLE / 10)
+    for b in range(costs.shape[0]):
         row = before + b
-        for n in range(lengths.shape[1]):
-            length = lengths[b, n]
-            if length > 0:
-                total = 0.0
-                for d in range(sums.shape[1]):
-                    difference = sums[row, d] - sums[row - length, d]
-                    total += difference * difference
-                whole = (squares[row] - squares[row - length]) / length
-                out[b, n] = max(whole - total / (float(length) * length), 0.0)
+        for n in range(costs.shape[1]):
+            distances[b, n] = np.inf
+            if not costs[b, n] < far:
+                lengths[b, n] = 0
+                continue
+            length, total = lengths[b, n], 0.0
+            now, then = sums[row], sums[row - length]
+            for d in range(len(now)):
+                difference = now[d] - then[d]
+                total += difference * difference
+            variance = max((squares[row] - squares[row - length] - total / length) / length, 0.0)
+            size = np.sqrt((spread[n] + floor) * (variance + floor))
+            if size > 0:
+                distances[b, n] = costs[b, n] / frames[n] / size
 
 
 # A product and the sum that takes it may be one instruction, in both alike: no bit depends on the block.
 add_costs = compiled(_add_costs, fastmath={"contract"})
 add_costs_of_four = compiled(_add_costs_of_four, fastmath={"contract"})
-choose = compiled(_choose)
-pay = compiled(_pay)
+step = compiled(_step)
 lengthen = compiled(_lengthen)
 follow = compiled(_follow)
-add_up = compiled(_add_up)
-# Its sums may be added in any order, which is the same for every cell of every block.
-spreads = compiled(_spreads, fastmath={"reassoc", "nsz", "contract"})
+# Their sums over the channels may be added in any order, which is the same for every frame of every block.
+add_up = compiled(_add_up, fastmath={"reassoc", "nsz", "contract"})
+relate = compiled(_relate, fastmath={"reassoc", "nsz", "contract"})

@@ -38,3 +38,12 @@ def test_threads_change_no_bit(spec: DtwSpec) -> None:
         for kernel in (NumbaKernel(threads=1), NumbaKernel(threads=3))
     )
     np.testing.assert_array_equal(alone, together)
+
+
+def test_threads_change_no_bit_of_a_stream() -> None:
+    rng = np.random.default_rng(1)
+    examples = [rng.normal(size=(m, 6)).astype(np.float32) for m in rng.integers(1, 90, 110)]
+    frames = rng.normal(size=(400, 6)).astype(np.float32)  # enough of them that threads are started
+    alone, together = (NumbaKernel(threads=n).subsequences(examples, 0.05).push(frames) for n in (1, 3))
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from gesture_core.errors import KeypointError
-from gesture_core.joint_names import joint_named, words_of
+from gesture_core.joint_names import joint_named, joints_named, words_of
 from gesture_core.plugin.reading import ReadOptions, Unit
 from gesture_core.skeletons import COCO18, Skeleton, skeleton_of
 from gesture_pose_files.layout import by_count
@@ -128,15 +128,20 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
     places: dict[tuple[str | int, str], int] = {}
     single: dict[str, int] = {}
     other: list[int] = []
-    for column, name in enumerate(names):
-        words = words_of(name)
-        key = _coordinate(words)
+    split = [words_of(name) for name in names]
+    keys = [_coordinate(words) for words in split]
+    based = any(
+        key is not None and key[0] == "neck" not in words for key, words in zip(keys, split, strict=True)
+    )
+    for column, (name, words, key) in enumerate(zip(names, split, keys, strict=True)):
         if key is None:
             role = "".join(words).removesuffix("0") if words[:1] == ["unnamed"] else "".join(words)
             if role in single:
                 other.append(column)
             else:
                 single[role] = column
+        elif based and key[0] == "neck" in words:
+            places["upper_neck", key[1]] = column  # another is its base: Kinect's, Human3.6M's
         elif key in places and key[0] == "":
             other.append(column)
         elif key in places:
@@ -273,7 +278,7 @@ def body_of_rows(labels: Sequence[str], options: ReadOptions, source: str) -> tu
         numbers = sorted({int(label) for label in labels})
         body = _numbered(numbers, options, source)
         return body, {label: int(label) - numbers[0] for label in labels}
-    joints = {label: joint_named(label) for label in labels}
+    joints = dict(zip(labels, joints_named(labels), strict=True))
     found = [joint for joint in joints.values() if joint]
     if len(set(found)) < max(2, len(found)):
         unknown = ", ".join(label[:40] for label, joint in joints.items() if not joint) or ", ".join(found)

@@ -18,7 +18,7 @@ _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 def seen_from_in_front(
     names: Sequence[str],
     points: np.ndarray,
-    times: np.ndarray,
+    times: np.ndarray | None,
     unit: str,
     options: ReadOptions,
     *,
@@ -46,6 +46,7 @@ def seen_from_in_front(
         `E_KEYPOINTS_SKELETON` where the names, or shoulders and hips, tell no person or no front.
     """
     named = joints_among(names, options, source)
+    points, named = points[:, named.columns], replace(named, columns=list(range(len(named.columns))))
     flat, done = _from_in_front(points, named, source, depth=options.depth)
     (pose,) = people_of(
         named,
@@ -71,11 +72,10 @@ def _from_in_front(
 
     With ``depth`` (T, J, 3), z away from who looks, where there is one.
     """
-    if not np.isfinite(points[:, named.columns]).any():
+    if not np.isfinite(points).any():
         return points[..., :2], []
     up = _between(points, named, ("mid_hip", "left_hip", "right_hip"), ("neck", "left_shoulder"))
-    known = points[:, named.columns]
-    spread = np.nanmax(known, axis=(0, 1)) - np.nanmin(known, axis=(0, 1))
+    spread = np.nanmax(points, axis=(0, 1)) - np.nanmin(points, axis=(0, 1))
     if not spread[2] > 0:
         if up is None or up[1] <= 0:
             return points[..., :2], []
@@ -90,10 +90,11 @@ def _from_in_front(
         )
     vertical = int(np.argmax(np.abs(up)))
     across[vertical] = 0
-    across /= max(float(np.linalg.norm(across)), 1e-9)
+    across = (across / max(float(np.linalg.norm(across)), 1e-9)).astype(points.dtype)
     sides = [points @ across, -np.sign(up[vertical]) * points[..., vertical]]
     if depth:
-        sides.append(points @ np.cross(across, -np.sign(up[vertical]) * np.eye(3)[vertical]))
+        down = -np.sign(up[vertical]) * np.eye(3, dtype=points.dtype)[vertical]
+        sides.append(points @ np.cross(across, down))
     flat = np.stack(sides, axis=2)
     return flat, ["three dimensions, seen from in front"]
 
@@ -105,7 +106,7 @@ def _between(
     starts, ends = ([j for j in joints if j in named.body.joints] for joints in (one, two))
     if not starts or not ends:
         return None
-    start, end = (named.columns[named.body.index(joint)] for joint in (starts[0], ends[0]))
+    start, end = (named.body.index(joint) for joint in (starts[0], ends[0]))
     steps = points[:, end] - points[:, start]
     steps = steps[np.isfinite(steps).all(axis=1)]
     return np.asarray(np.median(steps, axis=0)) if len(steps) else None

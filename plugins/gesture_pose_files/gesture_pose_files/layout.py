@@ -24,6 +24,7 @@ from gesture_core.skeletons import (
     with_parts,
 )
 from gesture_core.types import PoseSequence
+from gesture_pose_files.rivals import check_assumed
 from gesture_pose_files.scores import in_unit
 
 BY_COUNT: Mapping[int, Skeleton] = {
@@ -165,6 +166,8 @@ def sequence(
     _check_seconds(times if clock is None else clock, source, remedy)
     missing = _missing(points, scores, joints)
     points = np.where(missing[..., None], np.float32(np.nan), points)
+    if not (body or options.order):
+        check_assumed(points, joints, source)
     if said == "x-y" or (options.axes == "x-y" and not own):  # names of x and y do not say where y points
         points = points * np.array([1, -1], np.float32)
     judged: Unit = "shares" if are_shares(points) else "pixels"
@@ -267,10 +270,11 @@ def _three_axes(array: np.ndarray, options: ReadOptions, body: Skeleton | None, 
     if not fits(array.shape, options):
         order = options.skeleton
         wanted = _FORMS if order is None else f"(T, {len(order.joints)}, 2|3|4), as keypoints.order says"
+        named = [name for name, one in SKELETONS.items() if array.shape[1:2] == (len(one.joints),)]
         raise KeypointError(
             f"an array of shape {array.shape} is of no known keypoint layout",
             subject=source,
-            remedy=f"{wanted}, or --set keypoints.order=… with its joints",
+            remedy=f"{wanted}, or --set keypoints.order={' or '.join(named) or '…'} with its joints",
             code="E_KEYPOINTS_SHAPE",
         )
     return array if array.ndim == 3 else array.reshape(len(array), *flat_widths(options)[array.shape[1]])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gesture_core.errors import KeypointError
-from gesture_core.joint_names import joint_named
+from gesture_core.joint_names import joints_named
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import Skeleton, skeleton_of
 from gesture_core.types import PoseSequence
@@ -49,10 +49,9 @@ def joints_among(names: Sequence[str], options: ReadOptions, source: str) -> Nam
         return Named(options.skeleton, list(range(len(names))))
     found: dict[str, int] = {}
     unused = []
-    for index, name in enumerate(names):
-        joint = joint_named(name)
+    for index, joint in enumerate(joints_named(names)):
         if joint is None or joint in found:
-            unused.append(name)
+            unused.append(names[index])
         else:
             found[joint] = index
     body = skeleton_of(tuple(found))
@@ -70,8 +69,7 @@ def joints_among(names: Sequence[str], options: ReadOptions, source: str) -> Nam
 def order_of(names: Sequence[str]) -> tuple[str, ...]:
     """``names`` as `ReadOptions.order`; empty where they tell neither a neck nor both shoulders."""
     order: list[str] = []
-    for number, name in enumerate(names):
-        joint = joint_named(name)
+    for number, joint in enumerate(joints_named(names)):
         order.append(joint if joint and joint not in order else f"unknown {number}")
     return tuple(order) if skeleton_of(tuple(order)).has_neck else ()
 

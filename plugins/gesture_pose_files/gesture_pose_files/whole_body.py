@@ -11,7 +11,7 @@ from gesture_core.plugin.reading import ReadOptions
 from gesture_core.skeletons import MEDIAPIPE543, MEDIAPIPE543_FACE, OPENPOSE137, OPENPOSE137_HANDS, Skeleton
 from gesture_pose_files.layout import NOT_USED, by_count, fits
 
-BODY_OF: Mapping[int, int] = {133: 17, 136: 26, 137: 25}
+BODY_OF: Mapping[int, int] = {127: 15, 130: 18, 133: 17, 136: 26, 137: 25}
 """Joints of COCO-WholeBody, Halpe and OpenPose (body, face and hands in one list), and those of the body."""
 
 _HOLISTIC = 543
@@ -102,7 +102,7 @@ def _without_ones(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 def _body(array: np.ndarray, options: ReadOptions, source: str) -> tuple[np.ndarray, tuple[str, ...]]:
     """The body in a whole body of one person; all of it, in its skeleton's order, where more is wanted."""
-    if options.whole and array.ndim in (2, 3):
+    if options.whole and options.skeleton is None and array.ndim in (2, 3):
         return _whole(array, source), ()
     if fits(array.shape, options) or array.ndim not in (2, 3):
         return array, ()
