@@ -146,7 +146,7 @@ class Recognizer:
             library = library.take(kept)
         note = ""
         if len(kept) < given and not chosen.representative:
-            note = f"of {given} examples, inputs are compared with {len(kept)} of all gestures "
+            note = f"of {given} examples, inputs are compared with {len(kept)}, some of each gesture "
             note += f"(classify.landmarks); what these count for is learned from {len(taught)}"
         found = cls(settings, library, taught[kept], thresholds, fitted, comparison, within, note)
         if chosen.confidence is None:

@@ -90,7 +90,7 @@ def test_a_fitted_classifier_keeps_the_landmarks(monkeypatch: pytest.MonkeyPatch
     model = GestureClassifier(settings).fit(arrays, codes.tolist())
     assert sum(rows * columns for rows, columns in compared) == 120 * 21
     assert len(model.library_) == 21 and model.weights_ is not None
-    assert "of 120 examples, inputs are compared with 21 of all" in model._recognizer.note
+    assert "of 120 examples, inputs are compared with 21, some of each" in model._recognizer.note
     assert model.weights_.weights.shape == (21, 3)
     assert [codes[i] for i in model.example_indices_] == model.library_.codes.tolist()
     asked, truth = clouds(4, 20)

@@ -134,20 +134,21 @@ def test_pointers_are_told_from_content(tmp_path: Path) -> None:
     (tmp_path / "b.mp4").write_bytes(b"/annex/objects/SHA256E-s1--2.mp4\n")
     with pytest.raises(MediaError, match=r"git annex get b\.mp4"):
         open_video(tmp_path / "b.mp4")
+    folder = tmp_path / "keypoints"
+    folder.mkdir()
     for suffix in ("npz", "npy", "csv", "json", "parquet", "mat"):
-        path = tmp_path / f"c.{suffix}"
-        path.write_bytes(lfs)
-        item = one(path)
-        assert item.kind == "broken" and item.remedy == "git lfs pull", (suffix, item.fault)
-    (tmp_path / "e.npz").touch()
-    assert one(tmp_path / "e.npz").fault == "is empty, 0 bytes"
+        (folder / f"c.{suffix}").write_bytes(lfs)
+    for name in ("d.mp4.dvc", "e.mp4.dvc"):
+        (folder / name).write_text("outs:\n- md5: 12\n")
+    (folder / "e.mp4").write_bytes(b"its content")
+    (folder / "f.npz").touch()
+    found = {item.path.name: item for item in discover([folder])}
+    remedies = {name: item.remedy for name, item in found.items() if item.kind == "broken"}
+    assert remedies.pop("d.mp4.dvc") == "dvc pull"
+    assert len(remedies) == 6 and set(remedies.values()) == {"git lfs pull"}
+    assert found["f.npz"].fault == "is empty, 0 bytes" and found["e.mp4.dvc"].kind == "other"
     with pytest.raises(InputError, match=r"no such file.*ffmpeg -framerate 25"):
         discover([tmp_path / "%04d.jpg"])
-    (tmp_path / "d.mp4.dvc").write_text("outs:\n- md5: 12\n  path: d.mp4\n")
-    item = one(tmp_path / "d.mp4.dvc")
-    assert item.kind == "broken" and item.remedy == "dvc pull"
-    (tmp_path / "d.mp4").write_bytes(b"its content")
-    assert one(tmp_path / "d.mp4.dvc").kind == "other"
 
 
 NAMES = (
