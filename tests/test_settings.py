@@ -195,10 +195,8 @@ def test_the_rate_of_an_old_run_is_kept() -> None:
 
 def test_the_settings_of_an_old_run_mean_what_they_meant() -> None:
     tree = load().as_dict()
-    del tree["video"]["retime"], tree["spot"]["tolerance"], tree["spot"]["chain"], tree["spot"]["live"]
-    tree["video"]["fps"] = 25.0
-    tree["spot"] |= {"mean": 3.0, "deviations": 1.0, "gap": 2.0}
-    old = settings_from_dict(tree)
-    assert (old.video.fps, old.video.retime, old.spot.gap) == (None, 25.0, 2.0)
+    del tree["spot"], tree["keypoints"]
+    tree["pose"]["fps"] = 25.0
+    assert settings_from_dict(tree).keypoints.fps == 25.0
     now = load("video.fps=20").as_dict()
     assert settings_from_dict(now).as_dict() == now
