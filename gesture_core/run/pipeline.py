@@ -13,6 +13,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -74,10 +75,8 @@ class RunSummary:
         Inputs whose content or movement is that of an example: they find themselves.
     gone : int
         Inputs of earlier runs that are not there any more; their rows were removed.
-    refused : tuple of float
-        Of gestures that this run found farther than their threshold, and so no events: how many times as far.
-    nearer : str
-        What would let some of them in; empty where they are too far for that.
+    refused, nearer : tuple of float, str
+        Of gestures farther than their threshold: how many times as far; and what would let some of them in.
     """
 
     out: Path
@@ -135,7 +134,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         Assistant(job, request.settings.limits, inline=request.engine == "inline") as assistant,
     ):
         plan = make_plan(request, results, assistant)
-        listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
+        kernel = plan.settings.classify.kernel
+        listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), kernel)
         if plan.waiting and "video" in plan.identity:
             first = not results.counts()  # what is said once need not be said by every command
             listener.network(described(plan.settings, hint=first))
@@ -151,9 +151,9 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
                 drop(item.path)
         failed = tuple(results.rows("example"))
         names = {row.input for row in failed}
-        labels = [item.label for item in plan.examples if item.name not in names]
-        classes = Counter(str(label) for label in labels if label)
-        named = {item.label for item in plan.examples if item.label}
+        labelled = [item for item in plan.examples if item.label]
+        classes = Counter([str(item.label) for item in labelled if item.name not in names])
+        named = {str(item.label) for item in labelled}
         if request.labels == "folder":  # a folder stands for a label, whatever is in it
             named |= set(
                 map(word, label_folders(plan.examples, [*map(local_path, request.examples)], request.out))
@@ -165,7 +165,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             failed_examples=failed,
             elapsed=time.monotonic() - started,
             frames=run.frames,
-            kernel=plan.kernel,
+            kernel=kernel,
             fingerprint=plan.fingerprint,
             lost_classes=tuple(sorted(named - classes.keys())),
             assumed=dict(run.assumed),
@@ -214,7 +214,7 @@ class _Run:
         ) as engine:
             if plan.examples and not self._is_fitted():
                 taken = {item.key: found for item, found in self._extract(engine, examples)}
-                self._longest = max((found.seconds for found in taken.values()), default=0.0)
+                self._longest = max([found.seconds for found in taken.values()], default=0.0)
                 self._fit(taken)
             arrived: list[tuple[Input, Extracted]] = []
             last = time.monotonic()
@@ -362,9 +362,8 @@ class _Run:
                 except FileNotFoundError:
                     gone = "its keypoints are gone from the store"
                     found = found.failed(KeypointError(gone, remedy="--retry-errors", code="E_STORE"))
-            plan = self.plan
-            rows = rows_of(item, found, predictions, plan.fingerprint, plan.settings.spot)
-            self._commit(item, rows, found.stamp)
+            mark, spot = self.plan.fingerprint, self.plan.settings.spot
+            self._commit(item, rows_of(item, found, predictions, mark, spot), found.stamp)
 
     def _decided(
         self, some: Sequence[tuple[Input, Extracted]], *, alone: bool = False
@@ -397,4 +396,4 @@ class _Run:
 def _largest_video(items: Sequence[Input]) -> tuple[int, Input] | None:
     """The largest file among the videos, and its size."""
     found = [(one.path.stat().st_size, one) for one in items if one.kind == "video" and one.path.exists()]
-    return max(found, key=lambda pair: pair[0], default=None)
+    return max(found, key=itemgetter(0), default=None)
