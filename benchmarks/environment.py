@@ -21,7 +21,7 @@ def one_thread() -> None:
 
 def header(more: Mapping[str, str] | None = None) -> None:
     """Print it."""
-    from gesture_core.cores import usable_cores
+    from gesture_core.files import usable_cores
 
     cpu = platform.processor()
     info = Path("/proc/cpuinfo")

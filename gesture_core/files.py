@@ -1,5 +1,6 @@
 """Files and their names: where the package keeps things, how untrusted files are opened and read, how
-files are written whole or not at all, their content hashes, and how a name is printed.
+files are written whole or not at all, their content hashes, and how a name is printed. Beside them, on how
+many cores this process may compute.
 """
 
 from __future__ import annotations
@@ -364,3 +365,10 @@ def check_local(path: Path, what: str) -> None:
             f"{what} is an address", remedy="a place on this machine, and gesture export --to ADDRESS",
             code="E_OUT",
         )  # fmt: skip
+
+
+def usable_cores() -> int:
+    """Cores that this process may use, where the system says; else all of the machine's."""
+    if hasattr(os, "sched_getaffinity"):  # Linux; neither macOS nor Windows
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -272,7 +272,7 @@ class Row:
         record = asdict(self)
         record["neighbors"] = json.dumps(self.neighbors, ensure_ascii=False)
         record["selected"] = " ".join(self.selected)
-        record["box"] = " ".join(f"{edge:g}" for edge in self.box)
+        record["box"] = " ".join(map("{:g}".format, self.box))
         if len(self.message) > _LONGEST:  # a plugin's error may be of any length
             record["message"] = f"{self.message[:_LONGEST]}…"
         return {name: printable(value) if isinstance(value, str) else value for name, value in record.items()}

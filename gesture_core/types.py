@@ -340,7 +340,7 @@ class SignalBatch:
                     f"{name} {index} has {array.shape[1]} dimensions, {name} 0 has {width}",
                     code="E_DIMENSIONS",
                 )
-        lengths = np.array([len(array) for array in arrays], np.int64)
+        lengths = np.array([*map(len, arrays)], np.int64)
         values: np.ndarray = np.zeros((len(arrays), int(lengths.max()), width), dtype)
         masks, present = np.ones((2, len(arrays), width), bool)
         for index, (item, array) in enumerate(zip(series, arrays, strict=True)):

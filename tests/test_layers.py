@@ -14,7 +14,7 @@ from conftest import ROOT
 CORE = ROOT / "gesture_core"
 HEAVY = {"jax", "torch", "cv2", "onnxruntime", "numba", "pyarrow", "av", "sklearn", "matplotlib"}
 FLOORS = [
-    {"errors", "files", "cores", "colours", "__init__"},
+    {"errors", "files", "colours", "__init__"},
     {"joints", "skeletons", "joint_names"},
     {"dtw.spec"},
     {"records", "channel_names", "recordings", "types", "plugin"},
@@ -89,7 +89,7 @@ def test_plugins_import_neither_each_other_nor_the_upper_floors(path: Path) -> N
 
 
 FOR_KERNELS = {
-    "cores",
+    "files",
     "dtw.bands",
     "dtw.batches",
     "dtw.lanes",

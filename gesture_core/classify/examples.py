@@ -126,9 +126,12 @@ def sided_labels(labels: Collection[str]) -> list[str]:
     Where an example also stands for the movement of the other hand (`classify.mirror`), such a pair may be
     two names of one gesture.
     """
-    right = {label: re.sub("left", "right", label, flags=re.IGNORECASE).casefold() for label in labels}
-    every = {label.casefold() for label in labels}
-    return sorted(label for label, other in right.items() if other != label.casefold() and other in every)
+    every, sided = set(map(str.casefold, labels)), []
+    for label in sorted(labels):
+        other = re.sub("left", "right", label.casefold())
+        if other != label.casefold() and other in every:
+            sided.append(label)
+    return sided
 
 
 def warn_of_contradictions(library: ExampleLibrary, stacklevel: int) -> None:

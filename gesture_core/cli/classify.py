@@ -127,7 +127,8 @@ def _execute(
     if asked.get("examples") == ():
         raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
     run = run or RunFlags()
-    asked |= {name: value for name, value in vars(run).items() if name != "quiet"}
+    asked |= vars(run)
+    del asked["quiet"]
     request = RunRequest(sources, out, (flags or PoseFlags()).settings(), **asked)
     known: set[str] = set()
     if annotations:

@@ -45,7 +45,7 @@ def cut(
         No progress and no table.
     """
     from gesture_core.cli.progress import progress
-    from gesture_core.cores import usable_cores
+    from gesture_core.files import usable_cores
     from gesture_core.run.cut import cut_events
 
     check_folder(out)

@@ -10,6 +10,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
+from itertools import filterfalse
 from types import FrameType
 
 from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
@@ -94,19 +95,20 @@ def run(arguments: Sequence[str]) -> int:
         stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     arguments = list(arguments)
     end = arguments.index("--") if "--" in arguments else len(arguments)
-    asked = {flag for flag in FLAGS_OF_EVERY_COMMAND if flag in arguments[:end]}
-    arguments = [word for place, word in enumerate(arguments) if word not in asked or place >= end]
-    before = {name: os.environ.get(name) for name in FLAGS_OF_EVERY_COMMAND.values()}
-    os.environ.update({FLAGS_OF_EVERY_COMMAND[flag]: "1" for flag in asked})  # of worker processes, too
+    asked = FLAGS_OF_EVERY_COMMAND.keys() & arguments[:end]
+    arguments = [*filterfalse(asked.__contains__, arguments[:end]), *arguments[end:]]
+    before = dict(os.environ)
+    for flag in asked:
+        os.environ[FLAGS_OF_EVERY_COMMAND[flag]] = "1"  # of worker processes, too
     notes = _Notes(logging.WARNING)
     logging.getLogger("gesture_core").addHandler(notes)
     try:
         return _done(arguments, traced=switched_on("GESTURE_TRACEBACK"))
     finally:
         logging.getLogger("gesture_core").removeHandler(notes)
-        for name, value in before.items():
+        for name in map(FLAGS_OF_EVERY_COMMAND.__getitem__, asked):
             os.environ.pop(name, None)
-            os.environ.update({} if value is None else {name: value})
+            os.environ.update({name: before[name]} if name in before else {})
 
 
 class _Notes(logging.Handler):

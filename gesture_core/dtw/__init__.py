@@ -11,7 +11,7 @@ Plugins of distance kernels may import, besides ``gesture_core.plugin.hooks`` an
 - `gesture_core.dtw.batches`: `used_dimensions`, `weighted`, `lane_cost`, `warping_dtype`, `FAR`, `UNREACHED`
 - `gesture_core.dtw.lanes`: `LaneKernel`, `GradientLaneKernel`, `Lanes`, `Prepared`, `UNBOUNDED`
 - `gesture_core.dtw.subsequence`: `SubsequenceState`, `UNREACHABLE`, `BORDER`
-- `gesture_core.types`: `SignalBatch`; `gesture_core.cores`: `usable_cores`; ``gesture_core.errors``
+- `gesture_core.types`: `SignalBatch`; `gesture_core.files`: `usable_cores`; ``gesture_core.errors``
 - in their tests `gesture_core.testing`
 
 These names are the ``__all__`` of their modules; nothing else of the core is promised to them.

@@ -236,10 +236,7 @@ class OrdersClasses(Protocol):
     """A classifier whose scores are too coarse, or too small, to order the classes by."""
 
     def ordered(
-        self,
-        state: Mapping[str, np.ndarray],
-        queries: Sequence[Signals | np.ndarray],
-        distances: np.ndarray,
+        self, state: Mapping[str, np.ndarray], queries: Sequence[Signals | np.ndarray], distances: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """The (Q, C) scores, and (Q, C) numbers by which the classes are ordered, highest first.
 
@@ -253,11 +250,7 @@ class LeavesOut(Protocol):
     """A classifier that knows, without learning again, what it would say of examples it had not seen."""
 
     def left_out(
-        self,
-        examples: Sequence[Signals | np.ndarray],
-        codes: np.ndarray,
-        classes: int,
-        distances: np.ndarray,
+        self, examples: Sequence[Signals | np.ndarray], codes: np.ndarray, classes: int, distances: np.ndarray
     ) -> np.ndarray:
         """(N, C) score of each example by what all others teach; ``distances`` are (N, N)."""
         ...
@@ -277,10 +270,7 @@ class HasMembers(Protocol):
     """A classifier that asks several others, for `gesture explain`."""
 
     def members(
-        self,
-        state: Mapping[str, np.ndarray],
-        queries: Sequence[Signals | np.ndarray],
-        distances: np.ndarray,
+        self, state: Mapping[str, np.ndarray], queries: Sequence[Signals | np.ndarray], distances: np.ndarray
     ) -> Mapping[str, np.ndarray]:
         """(Q, C) what each adds to the scores, by its name; they add up to them."""
         ...

@@ -233,10 +233,7 @@ class Classifier(Protocol):
         ...
 
     def scores(
-        self,
-        state: Mapping[str, np.ndarray],
-        queries: Sequence[Signals | np.ndarray],
-        distances: np.ndarray,
+        self, state: Mapping[str, np.ndarray], queries: Sequence[Signals | np.ndarray], distances: np.ndarray
     ) -> np.ndarray:
         """(Q, C) finite scores: about 1 for the right class and 0 for another one, the highest one wins.
 

@@ -19,6 +19,7 @@ from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
+from itertools import filterfalse
 from typing import Any
 
 import pluggy
@@ -79,7 +80,7 @@ class Registration:
     @property
     def missing(self) -> tuple[str, ...]:
         """Modules that it needs and that are not installed."""
-        return tuple(module for module in self.needs if not _installed(module))
+        return tuple(filterfalse(_installed, self.needs))
 
     @property
     def install(self) -> str:
@@ -177,8 +178,8 @@ class Registry:
         if broken:
             cause += f" ({'; '.join(f'{fault.origin}: {fault.cause}' for fault in broken)})"
         known = [*self.names(kind), *others]
-        every = f"one of {', '.join(known) or '(none)'}"
-        raise PluginError(cause, remedy=near(name, known, every), code="E_PLUGIN_UNKNOWN")
+        remedy = near(name, known, f"one of {', '.join(known) or '(none)'}")
+        raise PluginError(cause, remedy=remedy, code="E_PLUGIN_UNKNOWN")
 
     def load(self, kind: str, name: str) -> type[Any]:
         """Import the class of a plugin.
@@ -223,8 +224,7 @@ class Registry:
         PluginError
             Where it raises anything else.
         """
-        entry = self.find(kind, name)
-        factory = self.load(kind, name)
+        entry, factory = self.find(kind, name), self.load(kind, name)
         options, known = options or {}, _parameters(factory)
         remedy = f"'gesture plugins {name}' lists its options"
         own = [one for one in known or () if one not in KINDS[kind].filled]
@@ -247,12 +247,16 @@ class Registry:
 def _parameters(factory: Any) -> list[str] | None:
     """Names that the constructor takes as keywords; None where it takes any, or says nothing of itself."""
     try:
-        taken = inspect.signature(factory).parameters.values()
+        taken = inspect.signature(factory).parameters
     except (TypeError, ValueError):  # a class of another language
         return None
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken):
-        return None
-    return [parameter.name for parameter in taken if parameter.kind is not parameter.POSITIONAL_ONLY]
+    names = []
+    for name, parameter in taken.items():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            return None
+        if parameter.kind is not parameter.POSITIONAL_ONLY:
+            names.append(name)
+    return names
 
 
 @contextmanager
@@ -291,9 +295,7 @@ def calling(
         if not isinstance(plugin, Registration | Origin):
             error.cause += f" ({name})"
         raise
-    except GestureError:
-        raise
-    except passing:
+    except (GestureError, *passing):  # type: ignore[misc]  # the star is more than mypy sees through
         raise
     except MemoryError as error:
         more = "a larger --set limits.memory=… (or GESTURE_SET_LIMITS__MEMORY), and --retry-errors"

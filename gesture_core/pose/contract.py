@@ -7,8 +7,10 @@ follows from them.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from operator import attrgetter
 from typing import Any
 
 from gesture_core.errors import ModelError
@@ -156,12 +158,12 @@ class ModelContract:
 
     def as_table(self) -> dict[str, Any]:
         """What `from_table` takes, of the types that JSON gives back."""
-        return {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(self).items()}
+        return dict(json.loads(json.dumps(asdict(self))))
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any], subject: str = "") -> ModelContract:
         """A contract from a TOML or JSON table; unknown keys are an error, not ignored."""
-        known = [field.name for field in fields(cls)]
+        known = [*map(attrgetter("name"), fields(cls))]
         unknown = sorted(set(table) - set(known))
         if unknown:
             raise ModelError(

@@ -80,11 +80,7 @@ def _blazehand(outputs: list[np.ndarray]) -> list[list[Person]]:
 
 
 def _openpose(
-    outputs: list[np.ndarray],
-    contract: ModelContract,
-    input_size: tuple[int, int],
-    people: str,
-    floor: float,
+    outputs: list[np.ndarray], contract: ModelContract, input_size: tuple[int, int], people: str, floor: float
 ) -> list[list[Person]]:
     at, apart = split_openpose([out.shape for out in outputs], contract.skeleton)
     joints = len(skeleton(contract.skeleton).joints)
@@ -99,9 +95,12 @@ def _openpose(
         peaks[..., :2] = (peaks[..., :2] + 0.5) * step - 0.5
         own = next((out.reshape(-1) for out in outputs if out.ndim <= 2 and out.size == len(maps)), None)
         presence = np.ones(len(maps)) if own is None else np.clip(own, 0, 1)
+        # Further people of whom peaks are: each shows most of the joints of the first one.
+        certain = (peaks[..., 2] >= CERTAIN).sum(axis=1)
+        others = (certain[:, 1:] > 0.5 * np.maximum(certain[:, :1], 4)).sum(axis=1)
         return [
             [Person(one[:, 0, :2], one[:, 0, 2], one, float(there), others=int(more) if several else 0)]
-            for one, there, more in zip(peaks, presence, _others(peaks), strict=True)
+            for one, there, more in zip(peaks, presence, others, strict=True)
         ]
     if not several:
         raise _cannot_tell_apart("it has no part-affinity fields")
@@ -111,13 +110,6 @@ def _openpose(
         [Person((points + 0.5) * step - 0.5, scores) for points, scores in picture]
         for picture in assemble(maps, fields, contract.skeleton, floor)
     ]
-
-
-def _others(peaks: np.ndarray) -> np.ndarray:
-    """(N,) how many more people peaks (N, J, K, 3) are of: each shows most of the joints of the first one."""
-    certain = (peaks[..., 2] >= CERTAIN).sum(axis=1)
-    others: np.ndarray = (certain[:, 1:] > 0.5 * np.maximum(certain[:, :1], 4)).sum(axis=1)
-    return others
 
 
 def _movenet(output: np.ndarray, input_size: tuple[int, int]) -> list[list[Person]]:

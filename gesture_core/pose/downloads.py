@@ -22,13 +22,7 @@ from urllib.parse import urlsplit
 from gesture_core.errors import ModelError
 from gesture_core.files import cache_dir, content_sha256, switched_on
 from gesture_core.pose.model_store import add_model, added_names, check_hash, read_card
-from gesture_core.pose.models import (
-    MAX_BYTES,
-    SUFFIXES,
-    KnownModel,
-    ModelFile,
-    known_models,
-)
+from gesture_core.pose.models import MAX_BYTES, SUFFIXES, KnownModel, ModelFile, known_models
 
 OnBytes = Callable[[int], None]
 _WHEEL = ("--python-version", "3.11", "--platform", "manylinux_2_28_x86_64")

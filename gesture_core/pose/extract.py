@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,20 +46,20 @@ def open_backend(settings: Settings, threads: int = 0) -> PoseBackend:
 
     settings = choose_pose(settings)
     pose, plugins = settings.pose, registry()
-    device = next((one for one in (pose.provider, pose.target) if one != "auto"), None)
+    device = pose.target if pose.provider == "auto" else pose.provider
     shared = {"threads": threads, "height": pose.height, "score": pose.score, "device": device}
-    for key in ("height", "score"):
-        if shared[key] is not None and not plugins.takes("pose", pose.backend, key):
+    options: dict[str, Any] = {}
+    for key, value in shared.items():
+        if value in (None, "auto"):
+            continue
+        if plugins.takes("pose", pose.backend, key):
+            options[key] = value
+        elif key in ("height", "score"):
             raise ConfigError(
                 f"pose.{key} is nothing to the pose backend {pose.backend}",
                 remedy=f"no pose.{key}; 'gesture plugins {pose.backend}' lists its options",
                 code="E_OPTION",
             )
-    options = {
-        key: value
-        for key, value in shared.items()
-        if value is not None and plugins.takes("pose", pose.backend, key)
-    }
     options |= settings.options.get(pose.backend, {})
     backend: PoseBackend = plugins.make("pose", pose.backend, options, model=find_model(pose.model))
     if part := lacking("pose", backend):
@@ -96,7 +96,7 @@ def try_backend(backend: PoseBackend, people: str) -> None:
                 fault = "infinite keypoints or scores"
             if fault:
                 raise PoseError(fault, code="E_MODEL_PROBE")
-    first, second = (np.array([p.keypoints for p in answer[0]]) for answer in answers)
+    first, second = [np.array([p.keypoints for p in answer[0]]) for answer in answers]
     if first.shape != second.shape or not np.allclose(first, second, atol=0.01, equal_nan=True):
         raise PoseError("two answers to one picture differ", code="E_MODEL_PROBE")
 

@@ -181,7 +181,8 @@ def _middle(points: Sequence[tuple[float, float]]) -> tuple[float, float] | None
     known = [point for point in points if not isnan(point[0])]
     if not known:
         return None
-    return sum(x for x, _ in known) / len(known), sum(y for _, y in known) / len(known)
+    across, down = zip(*known, strict=True)
+    return sum(across) / len(known), sum(down) / len(known)
 
 
 class Follower:

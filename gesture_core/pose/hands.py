@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from gesture_core.settings import Settings
 
 MODEL = "blazehand"
+REVISION = 2
+"""Of what is found by the same network, for what is kept of videos."""
 LEAST = 0.5
 """Presence from which a hand is one."""
 _MAYBE = 0.1
@@ -31,6 +33,8 @@ _SIDES = ("left", "right")
 _UPPER_ARM, _TORSO, _SHOULDERS = 0.9, 0.5, 0.65
 _MIDDLE, _SIDE = 0.2, 1.0
 """Forearms from the wrist to the middle of the square, and its side."""
+_WIDE = 1.4
+"""Side of the square around the wrist in which a hand is looked for last."""
 _ROOM, _SHIFT = 2.0, 0.1
 """Side of the next square over the box around palm and lower fingers, and its way towards the tips."""
 _PALM = (0, 1, 2, 3, 5, 6, 9, 10, 13, 14, 17, 18)
@@ -115,8 +119,8 @@ class HandFinder:
         return region.back(person, pixels) if person.presence >= least else None
 
     def _arm(self, points: np.ndarray, side: str) -> list[Region]:
-        """The squares at the end of an arm, none where wrist or elbow is missing: along the forearm; and
-        upright, for one that points at the camera."""
+        """The squares at the end of an arm, none where wrist or elbow is missing: along the forearm; upright,
+        for one that points at the camera; and a wider one, where the wrist is not where it was found."""
         at = {joint: points[place] for place, joint in enumerate(self.body.joints)}
         wrist, elbow = at[f"{side}_wrist"], at[f"{side}_elbow"]
         if np.isnan([*wrist, *elbow]).any():
@@ -138,7 +142,8 @@ class HandFinder:
         for way in (along / lengths[0], np.array([0.0, -1.0])):
             x, y = (wrist + _MIDDLE * length * way).tolist()
             squares.append(Region(x, y, _SIDE * length, float(np.arctan2(way[0], -way[1]))))
-        return squares
+        x, y = wrist.tolist()
+        return [*squares, Region(x, y, _WIDE * length, squares[0].angle)]
 
 
 def after_landmarks(hand: np.ndarray) -> Region | None:

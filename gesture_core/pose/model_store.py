@@ -20,15 +20,7 @@ from typing import Any
 from gesture_core.errors import ModelError
 from gesture_core.files import models_dir, replacing
 from gesture_core.pose.contract import ModelContract, infer_contract
-from gesture_core.pose.models import (
-    CARD,
-    NAME,
-    SUFFIXES,
-    ModelFile,
-    known_by_hash,
-    known_models,
-    read_model,
-)
+from gesture_core.pose.models import CARD, NAME, SUFFIXES, ModelFile, known_by_hash, known_models, read_model
 from gesture_core.pose.onnx_header import read_header
 
 _PROTOTXT_LIMIT = 1 << 20

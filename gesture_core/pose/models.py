@@ -321,15 +321,18 @@ def _resolved(settings: Settings, name: str) -> PoseSettings:
     reads = registry().find("pose", backend).suffixes
     if pose.model == "auto" and reads and model.path.suffix.lower() not in reads:
         raise ConfigError(f"{backend!r} does not read {model.path.suffix}", code="E_OPTION")
-    backends = {plugin for kind, plugin in registry().entries if kind == "pose"}
-    lost = sorted(one for one, options in settings.options.items() if options and one in backends)
+    given = [one for one, options in settings.options.items() if options]
+    lost = sorted(one for one in given if ("pose", one) in registry().entries)
     if pose.backend == "auto" and lost and backend not in lost:
         raise ConfigError(
             f"options of {lost[0]!r}, and {name} is run by {backend!r}",
             remedy=f"--pose {lost[0]}, or options of {backend!r} in their place",
             code="E_OPTION",
         )
-    here = _devices(backend)
+    kind, here = registry().load("pose", backend), {}
+    with calling(registry().find("pose", backend)):
+        if isinstance(kind, type) and issubclass(kind, DeviceChoice):  # what it says that it can run on here
+            here = {str(setting): [*map(str, names)] for setting, names in kind.devices().items()}
     own = str(settings.options.get(backend, {}).get("device", "auto"))
     for setting, remedy in _BUILDS.items():
         wanted, key = vars(pose)[setting], f"pose.{setting}"
@@ -355,15 +358,6 @@ def _resolved(settings: Settings, name: str) -> PoseSettings:
     return replace(pose, model=name, backend=backend, **devices)
 
 
-def _devices(backend: str) -> dict[str, list[str]]:
-    """What a backend says that it can run on here, by the setting that chooses."""
-    kind = registry().load("pose", backend)
-    with calling(registry().find("pose", backend)):
-        if not (isinstance(kind, type) and issubclass(kind, DeviceChoice)):
-            return {}
-        return {str(setting): [*map(str, names)] for setting, names in kind.devices().items()}
-
-
 def backend_name(model: ModelFile) -> str:
     """The first backend that reads files such as the model's."""
     plugins, suffix = registry(), model.path.suffix.lower()
@@ -383,8 +377,8 @@ def backend_name(model: ModelFile) -> str:
 def described(settings: Settings, *, hint: bool = False) -> str:
     """What finds people under settings from `choose_pose`; as a ``hint``, what a stronger one would bring."""
     pose, known = settings.pose, known_models()
-    device = next((one for one in (pose.provider, pose.target) if one != "auto"), "")
-    text = f"{pose.model} on {pose.backend}" + (f" ({device})" if device else "")
+    device = pose.target if pose.provider == "auto" else pose.provider
+    text = f"{pose.model} on {pose.backend}" + (f" ({device})" if device != "auto" else "")
     here, best = known.get(pose.model), known[auto_models()[0]]
     if here and here.frames:
         text += f", about {here.frames} frames/s a core"

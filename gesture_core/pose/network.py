@@ -174,7 +174,7 @@ class NetworkBackend(ABC):
         self.height = height
         self.threads = threads
         self.presence = presence
-        first = next((here[0] for here in self.devices().values()), "cpu")
+        first = next(iter(self.devices().values()), ["cpu"])[0]
         self.device = first if device == "auto" else device
         # The bytes that are checked are the bytes that run: the file is not opened again.
         data = model.read()

@@ -23,8 +23,10 @@ _NOTED_JUMPS, _REFUSED_JUMPS = (
 _LYING, _HEAD_DOWN = 60.0, 120.0  # degrees from upright
 _ALWAYS = 0.95
 _FRAMES = 5
-_SMALLEST, _METRES, _PICTURES, _PIXELS = 2.0, 20.0, 20.0, 1e5
+_SMALLEST, _PICTURES, _PIXELS = 2.0, 20.0, 1e5
 _POINT = 1e-6
+_FAR, _NO_ORDER = 6, 1.2
+"""Rows, over which a movement leads further than to the next one; shuffled rows do not."""
 
 
 def check_plausible(pose: PoseSequence, *, axes_stated: bool = False) -> list[str]:
@@ -104,8 +106,6 @@ def _size(pose: PoseSequence, points: np.ndarray) -> float:
             "--set keypoints.unit=shares with --set keypoints.frame_size=WIDTHxHEIGHT",
             "--set keypoints.unit=metres, also for any other unit that is the same in x and y",
         )
-    if metres and extent > _METRES:
-        raise _refused(pose, f"the body is {extent:.3g} metres large", "--set keypoints.unit=pixels")
     width = max(pose.frame_size) if pose.frame_size else 0
     if "scaled" in pose.provenance:
         width = max(int(word) for word in pose.provenance["scaled"].split() if word.isdigit())
@@ -126,6 +126,13 @@ def _one_person(pose: PoseSequence, points: np.ndarray, extent: float) -> list[s
         steps = steps[np.isfinite(steps).any(axis=1)]
         return np.asarray(np.nanmedian(steps, axis=1) / extent) if len(steps) else np.zeros(1)
 
+    if "index" in pose.provenance.get("times", "") and (row := _cut(points, extent)):
+        raise _refused(
+            pose,
+            f"all joints of the first {row} rows lie elsewhere than those of the {len(points) - row} below: "
+            "the rows are those of two people or clips",
+            "a column that tells people apart (person) or frames (frame), or one file for each",
+        )
     steps = moved(1)
     usual, jumps = float(np.median(steps)), float((steps > _JUMP).mean())
     turns = [
@@ -139,7 +146,32 @@ def _one_person(pose: PoseSequence, points: np.ndarray, extent: float) -> list[s
             "the rows are those of several people, or not in the order of time",
             "a column that tells people apart (person), or one file for each person",
         )
-    return [f"the body jumps by half its size in {jumps:.0%} of the steps"] if jumps > _NOTED_JUMPS else []
+    notes = [f"the body jumps by half its size in {jumps:.0%} of the steps"] if jumps > _NOTED_JUMPS else []
+    doubted = "index" in pose.provenance.get("times", "") and usual > 2 * _STEP and len(points) > 2 * _FAR
+    if doubted and max(float(np.median(moved(rows))) for rows in range(2, _FAR + 1)) < _NO_ORDER * usual:
+        notes.append("joints are as far from the next row as from others: rows not in the order of time?")
+    return notes
+
+
+def _cut(points: np.ndarray, extent: float) -> int:
+    """The row at which everybody is elsewhere from one to the next, before and after in one place; or 0."""
+    joints = np.isfinite(points).all(axis=2)
+    rows = joints.any(axis=1)
+    middle = np.array(
+        [np.median(one[seen], axis=0) for one, seen in zip(points, joints, strict=True) if seen.any()]
+    )
+    steps = np.linalg.norm(np.diff(middle, axis=0), axis=1)
+    if rows.sum() < 2 * _FRAMES or (steps > _JUMP * extent).sum() != 1:
+        return 0
+    row = int(steps.argmax()) + 1
+    sides = [side for side in (middle[:row], middle[row:]) if len(side) >= _FRAMES]
+    places = [np.median(side, axis=0) for side in sides]
+    still = [
+        np.linalg.norm(side - place, axis=1).max() < _JUMP * extent
+        for side, place in zip(sides, places, strict=True)
+    ]
+    apart = len(sides) == 2 and np.linalg.norm(places[0] - places[1]) > extent
+    return row if apart and all(still) else 0
 
 
 def _arms(pose: PoseSequence, points: np.ndarray, torso: float, order: str) -> None:

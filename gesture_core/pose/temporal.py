@@ -25,10 +25,7 @@ _SPAN = 31
 """Frames of the running median of the torso's length."""
 # Parts of a limb, and how long its upper and lower half can look in torso lengths, after Drillis and
 # Contini (1966), with a little room for the perspective of a near camera.
-_LIMBS = (
-    (("shoulder", "elbow", "wrist"), (0.65, 0.6)),
-    (("hip", "knee", "ankle"), (1.1, 1.1)),
-)
+_LIMBS = ((("shoulder", "elbow", "wrist"), (0.65, 0.6)), (("hip", "knee", "ankle"), (1.1, 1.1)))
 
 
 # Costs that decide the choice; lengths in torsos (shoulders to hips), times in seconds.
@@ -135,7 +132,7 @@ class JointChoice:
                 for own, other in (pair, pair[::-1])
             ]
             chosen = _Sequence(lengths, torso, roots, pools, exchange).cheapest(steps)
-            way, *picks = np.unravel_index(chosen, (2, *(pool.costs.shape[2] for pool in pools)))
+            way, *picks = np.unravel_index(chosen, (2, *[pool.costs.shape[2] for pool in pools]))
             points[:, root] = roots[every, way]
             turned = way == 1
             scores[np.ix_(turned, root)] = scores[np.ix_(turned, root[::-1])]

@@ -180,8 +180,8 @@ def put(path: Path, address: str) -> None:
 
 def roots(sources: Sequence[str]) -> tuple[bytes, ...]:
     """What the places of objects begin with that are listed by ``sources``, as far as these are addresses."""
-    listed = [(source, *_open(_root(source))) for source in sources if is_address(source)]
-    return tuple(os.fsencode(shown(_named(system, source, path))) for source, system, path in listed)
+    listed = filter(is_address, sources)
+    return tuple(os.fsencode(shown(_named(*_open(_root(source)), source))) for source in listed)
 
 
 def look(address: str) -> Entry:
@@ -370,7 +370,7 @@ def _safe(parts: list[str]) -> Path:
     return Path(*safe)
 
 
-def _named(system: Any, source: str, path: str) -> str:
+def _named(system: Any, path: str, source: str) -> str:
     """The address of what a file system calls ``path``, its protocol as in ``source``: az, not abfs."""
     first, *outer = _LINK.split(source)
     inside = str(system.unstrip_protocol(path)).partition("://")[2]
@@ -381,7 +381,7 @@ def _entry(system: Any, source: str, about: Mapping[str, Any]) -> Entry:
     if not any(about.get(key) for key in ("ETag", "etag", *_VERSIONS)):
         about = {**about, **system.info(about["name"])}  # a page of links does not say
     query = _parted(source)[1] if len(_LINK.split(source)) == 1 else ""
-    address = _named(system, source, about["name"])
+    address = _named(system, about["name"], source)
     etag, size = str(about.get("ETag") or about.get("etag") or "").strip('"'), about.get("size")
     versions = [etag] if etag else [_plain(about.get(key)) for key in _VERSIONS]
     md5 = etag if _MD5.fullmatch(etag) and source.startswith("s3") else ""

@@ -11,13 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from gesture_core.errors import (
-    ConfigError,
-    GestureError,
-    InputError,
-    MissingDependencyError,
-    RunFolderError,
-)
+from gesture_core.errors import ConfigError, GestureError, InputError, MissingDependencyError, RunFolderError
 from gesture_core.files import printable
 from gesture_core.records import Job, Row, Task, encoded
 from gesture_core.run.extract import Listener, people_of

@@ -322,11 +322,7 @@ def examples_of_split(items: Sequence[Input], train: str, protocol: str) -> list
 
 
 def check_protocol(
-    protocol: str,
-    items: Sequence[Input],
-    who: Sequence[str],
-    examples: Sequence[bool] | None,
-    neighbors: int,
+    protocol: str, items: Sequence[Input], who: Sequence[str], examples: Sequence[bool] | None, neighbors: int
 ) -> None:
     """Raise what the protocol would raise, before hours of extraction instead of after them.
 

@@ -156,10 +156,7 @@ class ParquetWriter:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        types = {
-            **dict.fromkeys(INTEGERS, pa.int64()),
-            **dict.fromkeys(REALS, pa.float64()),
-        }
+        types = {**dict.fromkeys(INTEGERS, pa.int64()), **dict.fromkeys(REALS, pa.float64())}
         schema = pa.schema([(name, types.get(name, pa.string())) for name in columns])
         with replacing(path) as temporary, pq.ParquetWriter(os.fspath(temporary), schema) as writer:
             remaining = iter(rows)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from gesture_core.cores import usable_cores
 from gesture_core.errors import (
     Code,
     ConfigError,
@@ -16,7 +15,7 @@ from gesture_core.errors import (
     RunFolderError,
     WorkerError,
 )
-from gesture_core.files import cache_dir, tree_sha256
+from gesture_core.files import cache_dir, tree_sha256, usable_cores
 from gesture_core.plugin.abilities import Closeable
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.pose.models import choose_pose, described
@@ -114,8 +113,11 @@ class OpenEngine:
         PluginError
             Where the engine raises.
         """
-        tasks = [Task(n, "extract", _arguments(item)) for n, item in enumerate(items)]
-        plugins = registry()
+        plugins, tasks = registry(), []
+        for number, item in enumerate(items):
+            asked = {"path": encoded(item.path), "member": item.member, "reader": item.reader}
+            asked |= {"address": item.address} if item.address else {}
+            tasks.append(Task(number, "extract", asked))
 
         def frames(task: Task, count: int) -> None:
             if count and not self._looks and items[task.number].kind == "video":
@@ -203,12 +205,6 @@ class OpenEngine:
         for number in sorted(waiting):
             cause = f"{self._entry} gave no outcome"
             yield Outcome(number, error=PluginError(cause, remedy=instead, code="E_PLUGIN_CONTRACT"))
-
-
-def _arguments(item: Input) -> dict[str, str]:
-    """Of the worker function ``extract``."""
-    where = {"address": item.address} if item.address else {}
-    return {"path": encoded(item.path), "member": item.member, "reader": item.reader, **where}
 
 
 def extract_all(

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gesture_core.cores import usable_cores
 from gesture_core.errors import Code, ConfigError, GestureError, InputError
+from gesture_core.files import usable_cores
 from gesture_core.records import Job, Task
 from gesture_core.run.archive import Sources, as_strings, with_changes
 from gesture_core.run.extract import Listener, extract_all, first_person

@@ -72,9 +72,9 @@ def _video_identity(settings: Settings) -> dict[str, Any]:
     if contract and contract.layout == "blazepose":
         model["finder"] = find_model(FINDER).sha256
     if "hands" in settings.keypoints.parts:
-        from gesture_core.pose.hands import MODEL
+        from gesture_core.pose import hands
 
-        model["hands"] = find_model(MODEL).sha256
+        model["hands"], model["hands_revision"] = find_model(hands.MODEL).sha256, hands.REVISION
     reader = reader_name(settings.pose.reader, settings.options)
     return {
         "package": gesture_core.__version__,

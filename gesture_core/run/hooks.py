@@ -34,9 +34,7 @@ def register_result_writers(register: Register) -> None:
         summary="Parquet for the library datasets, label as ClassLabel",
     )
     register(
-        "coco",
-        "gesture_core.report.dataset_files:CocoWriter",
-        summary="COCO's JSON, gestures as categories",
+        "coco", "gesture_core.report.dataset_files:CocoWriter", summary="COCO's JSON, gestures as categories"
     )
     register(
         "fiftyone",

@@ -19,8 +19,7 @@ from gesture_core.run.readers import Readers, is_text_of_series
 from gesture_core.run.results import OWN_FILES
 from gesture_core.run.workers.engines import Assistant
 from gesture_core.settings import Settings
-from gesture_core.video.containers import begins_as_video
-from gesture_core.video.picture import SUFFIXES as PICTURES
+from gesture_core.video.containers import PICTURES, begins_as_video
 
 VIDEO_SUFFIXES = frozenset(
     ".mp4 .m4v .mov .qt .avi .mkv .webm .flv .f4v .wmv .asf .mpg .mpeg .m2v .vob .ts .mts .m2ts "

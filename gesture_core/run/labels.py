@@ -76,7 +76,7 @@ def label_inputs(
         label from a manifest is kept. What is broken or nobody's may do without one: it cannot be used in any
         case.
     """
-    find = _source_of(items, labels, [local_path(os.fspath(root)) for root in roots], columns)
+    find = _source_of(items, labels, [*map(local_path, map(str, roots))], columns)
     labelled = []
     for item in items:
         label = word(item.label or find(item) or "")
@@ -92,8 +92,8 @@ def label_inputs(
 def _warn_of_two_kinds(items: Sequence[Input]) -> None:
     """Say where a video and its own keypoints are two clips, which find each other."""
     videos = {item.path.with_suffix(""): item for item in items if item.kind == "video"}
-    places = [(item.path.with_suffix(""), item) for item in items if item.kind == "keypoints"]
-    both = [(videos[place], item) for place, item in places if place in videos]
+    keypoints = [item for item in items if item.kind == "keypoints"]
+    both = [(videos[stem], item) for item in keypoints if (stem := item.path.with_suffix("")) in videos]
     if both:
         count = f"{len(both)} clips are" if both[1:] else "one clip is"
         names = " and ".join(item.name for item in both[0])

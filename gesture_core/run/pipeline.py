@@ -13,6 +13,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -132,7 +133,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
         Assistant(job, request.settings.limits, inline=request.engine == "inline") as assistant,
     ):
         plan = make_plan(request, results, assistant)
-        listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), plan.kernel)
+        kernel = plan.settings.classify.kernel
+        listener.planned(len(plan.inputs), len(plan.waiting), len(plan.examples), kernel)
         if plan.waiting and "video" in plan.identity:
             first = not results.counts()  # what is said once need not be said by every command
             listener.network(described(plan.settings, hint=first))
@@ -148,9 +150,9 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
                 drop(item.path)
         failed = tuple(results.rows("example"))
         names = {row.input for row in failed}
-        labels = [item.label for item in plan.examples if item.name not in names]
-        classes = Counter(str(label) for label in labels if label)
-        named = {item.label for item in plan.examples if item.label}
+        labelled = [item for item in plan.examples if item.label]
+        classes = Counter([str(item.label) for item in labelled if item.name not in names])
+        named = {str(item.label) for item in labelled}
         if request.labels == "folder":  # a folder stands for a label, whatever is in it
             named |= set(
                 map(word, label_folders(plan.examples, [*map(local_path, request.examples)], request.out))
@@ -162,7 +164,7 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             failed_examples=failed,
             elapsed=time.monotonic() - started,
             frames=run.frames,
-            kernel=plan.kernel,
+            kernel=kernel,
             fingerprint=plan.fingerprint,
             lost_classes=tuple(sorted(named - classes.keys())),
             assumed=dict(run.assumed),
@@ -210,7 +212,7 @@ class _Run:
         ) as engine:
             if plan.examples and not self._is_fitted():
                 taken = {item.key: found for item, found in self._extract(engine, examples)}
-                self._longest = max((found.seconds for found in taken.values()), default=0.0)
+                self._longest = max([found.seconds for found in taken.values()], default=0.0)
                 self._fit(taken)
             arrived: list[tuple[Input, Extracted]] = []
             last = time.monotonic()
@@ -350,7 +352,7 @@ class _Run:
                 decided |= self._decided(met[start : start + together])
         for item, found in batch:
             predictions, attempts = decided.get(item.key, (None, 1))
-            self.refused += sum(one.get("refused", 0) for one in predictions or ())
+            self.refused += sum([one.get("refused", 0) for one in predictions or ()])
             found = replace(found, attempts=max(found.attempts, attempts))
             if found.people and not found.code and self.plan.files:
                 try:
@@ -391,4 +393,4 @@ class _Run:
 def _largest_video(items: Sequence[Input]) -> tuple[int, Input] | None:
     """The largest file among the videos, and its size."""
     found = [(one.path.stat().st_size, one) for one in items if one.kind == "video" and one.path.exists()]
-    return max(found, key=lambda pair: pair[0], default=None)
+    return max(found, key=itemgetter(0), default=None)

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,7 +62,7 @@ class Plan:
     Attributes
     ----------
     settings : Settings
-        With the kernel that was chosen.
+        With the kernel that was chosen; ``""`` where keypoints are only extracted.
     inputs, examples : list of Input
     waiting : list of Input
         Inputs that have no row for their content yet.
@@ -87,11 +88,6 @@ class Plan:
     contradictions: dict[bytes, Input]
     files: KeypointFiles | None
     gone: int = 0
-
-    @property
-    def kernel(self) -> str:
-        """The distance kernel; empty where keypoints are only extracted."""
-        return self.settings.classify.kernel
 
 
 def check_out(request: RunRequest) -> None:
@@ -312,14 +308,9 @@ def _compared(
 def _part(shard: str, found: Sequence[Input], inputs: Sequence[Input]) -> dict[str, Any]:
     """What a run folder is merged by: its shard, the number of its inputs, and a hash of all names."""
     names = hashlib.sha256()
-    for name in sorted(item.name for item in found):
+    for name in sorted(map(attrgetter("name"), found)):
         names.update(name.encode("utf-8", "surrogatepass") + b"\0")
-    return {
-        "shard": shard,
-        "inputs": len(inputs),
-        "found": len(found),
-        "names": names.hexdigest()[:16],
-    }
+    return {"shard": shard, "inputs": len(inputs), "found": len(found), "names": names.hexdigest()[:16]}
 
 
 def _check_same_shard(results: Results, shard: str) -> None:
@@ -353,10 +344,9 @@ def _contradictions(examples: Sequence[Input]) -> dict[bytes, Input]:
     for item in examples:
         if item.sha256:
             alike.setdefault((item.sha256, item.member), []).append(item)
-    return {
-        item.key: other
-        for group in alike.values()
-        for item in group
-        for other in [next((one for one in group if one.label != item.label), None)]
-        if other is not None
-    }
+    found = {}
+    for group in alike.values():
+        for item in group:
+            if others := [one for one in group if one.label != item.label]:
+                found[item.key] = others[0]
+    return found

@@ -12,6 +12,7 @@ import sqlite3
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from inspect import signature
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +43,7 @@ _TABLES = {
     "published": "key BLOB PRIMARY KEY, file TEXT NOT NULL",
 }
 
-_QUOTED = ", ".join(f"`{name}`" for name in COLUMNS)
+_QUOTED = ", ".join(map("`{}`".format, COLUMNS))
 """The columns as SQL takes them: some are its words."""
 
 
@@ -188,7 +189,7 @@ class Results:
                 self._db.execute(
                     f"INSERT INTO rows (key, place, role, {_QUOTED}) "
                     f"VALUES (?, ?, ?, {', '.join('?' * len(COLUMNS))})",
-                    (item.key, item.place, role, *(record[name] for name in COLUMNS)),
+                    (item.key, item.place, role, *itemgetter(*COLUMNS)(record)),
                 )
 
     def done(self, *, retry_errors: bool = False) -> Iterator[tuple[bytes, str]]:
@@ -198,11 +199,12 @@ class Results:
             "SELECT rows.key, stamp FROM rows JOIN content USING (key) "
             f"WHERE role = 'query' AND rows.sha256 = content.sha256 GROUP BY rows.key {having}"
         )
-        return (tuple(row) for row in self._db.execute(query))
+        return map(tuple, self._db.execute(query))
 
     def rows(self, role: str = "query") -> Iterator[Row]:
         """All rows, ordered by input, person and event."""
-        return (row for _, row in self.keyed_rows(role))
+        for _, row in self.keyed_rows(role):
+            yield row
 
     def keyed_rows(self, role: str = "query") -> Iterator[tuple[bytes, Row]]:
         """All rows, ordered as by `rows`, each with the key of its input."""
@@ -219,7 +221,7 @@ class Results:
     def places(self) -> Iterator[tuple[bytes, bytes]]:
         """Key and path of every input that has rows."""
         query = "SELECT DISTINCT key, place FROM rows WHERE role = 'query'"
-        return (tuple(row) for row in self._db.execute(query))
+        return map(tuple, self._db.execute(query))
 
     def inputs(self) -> int:
         """Number of inputs that have rows."""
@@ -278,7 +280,7 @@ class Results:
     def counts(self, role: str = "query") -> dict[str, int]:
         """Number of rows by status."""
         query = "SELECT status, COUNT(*) AS n FROM rows WHERE role = ? GROUP BY status"
-        return {row["status"]: row["n"] for row in self._db.execute(query, (role,))}
+        return dict(map(tuple, self._db.execute(query, (role,))))
 
     def clear(self) -> None:
         """Forget all rows; content hashes stay."""
@@ -303,20 +305,14 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
     return Results(Path(folder))
 
 
-class RunLockedError(RunFolderError):
-    """Another process holds the run folder."""
-
-    code = "E_RUN_LOCKED"
-
-
 @contextmanager
 def run_lock(folder: Path) -> Iterator[None]:
     """Hold ``folder`` for this process.
 
     Raises
     ------
-    RunLockedError
-        Where another living process holds it.
+    RunFolderError
+        ``E_RUN_LOCKED`` where another living process holds it.
     """
     from filelock import FileLock, Timeout
 
@@ -339,8 +335,11 @@ def run_lock(folder: Path) -> Iterator[None]:
             code="E_RUN_WRITE",
         ) from error
     except Timeout:
-        raise RunLockedError(
-            "another run holds this folder", subject=str(folder), remedy="wait for it, or another --out"
+        raise RunFolderError(
+            "another run holds this folder",
+            subject=str(folder),
+            remedy="wait for it, or another --out",
+            code="E_RUN_LOCKED",
         ) from None
     try:
         yield

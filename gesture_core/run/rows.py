@@ -108,6 +108,8 @@ def rows_of(
             continue
         prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
         code = Code.of(prediction.code)
+        # What helps where an example is too far; a threshold of scores says it itself.
+        far = prediction.code == "E_REJECTED" and "; try: " not in prediction.message
         row = replace(
             base,
             person=seen.person,
@@ -122,19 +124,13 @@ def rows_of(
             neighbors=prediction.neighbors,
             status="rejected" if code and code.status == "rejected" else prediction.status,
             code=prediction.code,
-            message=_about(item, _with_remedy(prediction)),
+            message=_about(item, f"{prediction.message}; {_FAR}" if far else prediction.message),
             frames_with_pose=seen.frames,
             selected=prediction.selected,
             note="; ".join(filter(None, (base.note, prediction.note))),
         )
         rows.append(_with_damage(row, item, found))
     return rows
-
-
-def _with_remedy(prediction: Prediction) -> str:
-    """The message, with what helps where an example is too far; a threshold of scores says it itself."""
-    far = prediction.code == "E_REJECTED" and "; try: " not in prediction.message
-    return f"{prediction.message}; {_FAR}" if far else prediction.message
 
 
 def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:
@@ -165,7 +161,7 @@ def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:
 
 def prediction_of(tree: dict[str, Any]) -> Prediction:
     """A prediction from its fields, after JSON."""
-    neighbors = tuple((name, label, distance) for name, label, distance in tree.get("neighbors", ()))
+    neighbors = tuple(map(tuple, tree.get("neighbors", ())))
     fields = {"label": None} | tree | {"neighbors": neighbors, "selected": tuple(tree.get("selected", ()))}
     return Prediction(**fields)
 

@@ -187,8 +187,8 @@ def write_keypoints(
         for s in sequences
     ]
     names = _columns(header)
-    person = np.concatenate([np.empty(0), *(np.full(len(s), s.person) for s in sequences)])
-    times = np.concatenate([np.empty(0), *(s.times for s in sequences)])
+    person = np.concatenate([np.empty(0), *[np.full(len(s), s.person) for s in sequences]])
+    times = np.concatenate([np.empty(0), *[s.times for s in sequences]])
     values = np.concatenate([np.empty((0, len(names) - 2)), *map(_values, sequences)])
     columns = {
         column: np.ascontiguousarray(array.astype(_TYPES.get(column, np.float32)))
@@ -296,7 +296,8 @@ def _columns(header: Mapping[str, Any]) -> list[str]:
 
 def _checksum(header: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> str:
     """Of the header (without the checksum itself) and the numbers."""
-    facts = {key: value for key, value in header.items() if key != "checksum"}
+    facts = dict(header)
+    facts.pop("checksum", None)
     digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
     for name, column in columns.items():
         digest.update(name.encode() + np.ascontiguousarray(column).tobytes())

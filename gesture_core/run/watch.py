@@ -31,14 +31,7 @@ from gesture_core.run.labels import label_inputs
 from gesture_core.settings import Settings
 from gesture_core.spot.capture import Capture, Note
 from gesture_core.spot.examples import NONE
-from gesture_core.spot.sources import (
-    ADDRESSES,
-    Camera,
-    FrameSource,
-    Keypoints,
-    Recording,
-    piped,
-)
+from gesture_core.spot.sources import ADDRESSES, Camera, FrameSource, Keypoints, Recording, piped
 from gesture_core.spot.spotter import Spotter
 from gesture_core.spot.watch import Seen, Watch, WatchSummary
 from gesture_core.types import Event, PoseSequence

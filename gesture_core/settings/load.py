@@ -81,24 +81,12 @@ def load_settings(
 def settings_from_dict(tree: Mapping[str, Any]) -> Settings:
     """The inverse of `Settings.as_dict`."""
     settings = Settings(options=dict(tree.get("options", {})))
-    tree = _of_earlier_runs(tree)
+    pose = dict(tree.get("pose", {}))
+    if "fps" in pose:  # where version 0.1.0 had it
+        tree = {"keypoints": {"fps": pose.pop("fps")}, **tree, "pose": pose}
     for section in SECTIONS:
         settings = _change(settings, section, tree.get(section, {}), "settings")
     return settings
-
-
-def _of_earlier_runs(tree: Mapping[str, Any]) -> Mapping[str, Any]:
-    """What settings that a run of an earlier version left are called now.
-
-    Those of the signals of `gesture spot` that are gone say nothing any more: its events stand in its rows.
-    """
-    pose, video, spot = (dict(tree.get(section, {})) for section in ("pose", "video", "spot"))
-    keypoints = ({"fps": pose.pop("fps")} if "fps" in pose else {}) | tree.get("keypoints", {})
-    if "fps" in video and "retime" not in video:  # the rate of every video, not only of those without times
-        video["retime"] = video.pop("fps")
-    for name in ("mean", "deviations"):
-        spot.pop(name, None)
-    return {**tree, "pose": pose, "video": video, "spot": spot, "keypoints": keypoints}
 
 
 def presets() -> list[str]:
@@ -312,7 +300,7 @@ def _read(key: str, value: Any, hint: Any, origin: str) -> Any:
     plain = value if hint is str else _toml_value(value)
     for option in options:
         if get_origin(option) is tuple:
-            between = "," if get_args(option)[0] is str else "[,x]"  # 1920x1080 is a pair of numbers too
+            between = "," if get_args(option)[0] is str else "[,xX×]"  # 1920x1080 is a pair of numbers too
             parts = (re.split(between, plain) if plain else ()) if isinstance(plain, str) else plain
             if isinstance(parts, list | tuple):
                 read = []

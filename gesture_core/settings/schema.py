@@ -259,7 +259,7 @@ class SpotSettings(_Section):
         Let the classifier decide about each event, too; where it says another label, there is none.
     patience : None or float
         Seconds after its end in which nothing better may come before an event is reported, besides what it
-        lacks of the usual length of its gesture; None waits as long as one can come, live half a second.
+        lacks of the usual length of its gesture; None waits while one can come, live a quarter of a second.
     merge : float
         Seconds between two events of a held gesture that make them one.
     gap : float

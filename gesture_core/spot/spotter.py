@@ -23,7 +23,7 @@ from gesture_core.types import PoseSequence, Recording, Signals
 
 BLOCK = 512
 """Frames of a recording that are compared at a time."""
-LIVE_PATIENCE = 0.5
+LIVE_PATIENCE = 0.25
 """Seconds, unless ``spot.patience`` is set."""
 _SUREST = 1.4
 """Times its threshold that a candidate may be away which the classifier is sure of."""

@@ -14,6 +14,8 @@ from typing import BinaryIO, cast
 from gesture_core.errors import MediaError
 from gesture_core.files import open_regular, printable
 
+PICTURES = frozenset((".jpg", ".jpeg", ".png"))
+"""What the name of a picture ends in, which may be a video of one frame."""
 _HEAD_BYTES = 4096
 _BOXES = (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot", b"moof", b"styp", b"sidx", b"uuid")
 _MAGIC: dict[bytes, str] = {

@@ -13,7 +13,6 @@ from gesture_core.records import VideoInfo, VideoLimits, VideoReport
 if TYPE_CHECKING:
     import numpy as np
 
-SUFFIXES = frozenset((".jpg", ".jpeg", ".png"))
 _MOST_BYTES = 256 << 20
 _PNG = b"\x89PNG\r\n\x1a\n"
 _FRAMES = frozenset((*range(0xC0, 0xD0),)) - {0xC4, 0xC8, 0xCC}

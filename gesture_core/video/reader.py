@@ -16,7 +16,7 @@ from gesture_core.errors import MediaError, MissingDependencyError
 from gesture_core.plugin.abilities import LazyFrames
 from gesture_core.plugin.registry import calling, registry
 from gesture_core.records import VideoInfo, VideoLimits, VideoReport
-from gesture_core.video.picture import SUFFIXES, Still
+from gesture_core.video.containers import PICTURES
 
 if TYPE_CHECKING:
     import numpy as np
@@ -66,7 +66,9 @@ def open_video(
     MissingDependencyError
         Where what the reader needs is not installed.
     """
-    if rates is not None and rates.pictures and Path(path).suffix.lower() in SUFFIXES:
+    if rates is not None and rates.pictures and Path(path).suffix.lower() in PICTURES:
+        from gesture_core.video.picture import Still
+
         return Still(Path(path), limits or VideoLimits())
     name, chosen = _choose(reader, options or {})
     with calling(registry().find("video", name), passing=(OSError,)):

@@ -100,6 +100,17 @@ def test_arms_that_are_not_seen_or_too_small_have_no_hand() -> None:
     assert find.looks == looks
 
 
+def test_a_hand_is_found_where_the_wrist_is_missed_by_half_a_forearm() -> None:
+    find, points = finder(), POINTS[0].copy()
+    points[AT["left_wrist"]] = points[AT["left_elbow"]] + (60, 0)
+    *_, wide = find._arm(points, "left")
+    hand = points[AT["left_wrist"]] - (0.55 * wide.side / 1.4, 0)
+    there = {"left_wrist": hand, "right_wrist": hand}
+    shown = frame_of(np.array([there.get(joint, point) for joint, point in zip(AT, points, strict=True)]))
+    found = find.find(shown, Person(points, np.ones(18)))
+    np.testing.assert_allclose(found.keypoints[0], hand, atol=4)
+
+
 def test_the_next_square_follows_the_hand() -> None:
     region = after_landmarks(SHAPE * 4 + (100, 200))
     assert region and region.angle == pytest.approx(0, abs=0.05) and region.y < 200

@@ -16,7 +16,7 @@ from gesture_pose_files.openpose_json import OpenPoseJsonReader
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.pose.plausible import check_plausible
-from gesture_core.skeletons import COCO17, COCO18, H36M17
+from gesture_core.skeletons import COCO17, COCO18
 from gesture_core.testing import draw_pose
 from gesture_core.types import PoseSequence
 
@@ -40,15 +40,6 @@ def in_turn(points: np.ndarray) -> np.ndarray:
     return rows
 
 
-def as_h36m(points: np.ndarray) -> np.ndarray:
-    """The same body in the order of Human3.6M."""
-    middle = (points[:, 11] + points[:, 12]) / 2
-    neck = (points[:, 5] + points[:, 6]) / 2
-    own = {"mid_hip": middle, "spine": (middle + neck) / 2, "neck": neck, "head_top": points[:, 0] - [0, 20]}
-    joints = [own[j] if j in own else points[:, COCO17.index(j)] for j in H36M17.joints]
-    return np.stack(joints, axis=1)
-
-
 REFUSED: dict[str, tuple[Callable[[np.ndarray], np.ndarray], dict[str, object], str, dict[str, object]]] = {
     "y first": (lambda p: p[..., ::-1], {}, "keypoints.axes=yx", {"axes": "yx"}),
     "y first, shares": (lambda p: (p / [640, 480])[..., ::-1], {}, "keypoints.axes=yx", {"axes": "yx"}),
@@ -57,8 +48,9 @@ REFUSED: dict[str, tuple[Callable[[np.ndarray], np.ndarray], dict[str, object], 
         lambda p: p / [640, 480], {"unit": "pixels"}, "keypoints.unit=shares", {"unit": "shares"},
     ),
     "pixels as shares": (lambda p: p, {"unit": "shares"}, "keypoints.unit=pixels", {"unit": "pixels"}),
-    "pixels as metres": (lambda p: p, {"unit": "metres"}, "keypoints.unit=pixels", {"unit": "pixels"}),
-    "another order": (as_h36m, {}, "keypoints.order=h36m17", {"order": ("h36m17",)}),
+    "another order": (
+        lambda p: p[:, ::-1], {}, "keypoints.order=h36m17|NAME", {"order": COCO17.joints[::-1]},
+    ),
 }  # fmt: skip
 
 

@@ -105,7 +105,7 @@ def test_a_person_who_is_seen_twice_in_a_minute_makes_no_milliseconds(tmp_path: 
 BAD_TABLES = {
     "manifest": ("path,label\na.mp4,wave\n", "E_KEYPOINTS_FORMAT"),
     "numbers of no width": ("1,2,3\n4,5,6\n", "E_KEYPOINTS_FORMAT"),
-    "ragged": (bare(np.ones((2, 18, 2))) + "1,2,3\n", "E_KEYPOINTS_FORMAT"),
+    "ragged": (bare(np.ones((2, 18, 2))) + "1,2,3\n" + bare(np.ones((2, 18, 2))), "E_KEYPOINTS_FORMAT"),
     "text in a row": (
         bare(np.ones((2, 18, 2))) + ",".join(["1"] * 35 + ["=cmd()"]) + "\n",
         "E_KEYPOINTS_FORMAT",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from gesture_pose_files.array_frames import ArrayFramesReader
 from gesture_pose_files.arrays import ArrayReader
+from gesture_pose_files.openpose_json import OpenPoseJsonReader
 
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.reading import ReadOptions
@@ -182,3 +185,52 @@ def test_a_folder_of_clips_is_no_clip(tmp_path: Path) -> None:
         np.save(tmp_path / f"wave_{number}.npy", COCO)
         np.save(tmp_path / f"flat_{number}.npy", COCO.reshape(T, -1))
     assert not ArrayFramesReader().accepts(tmp_path)
+
+
+def test_frames_of_one_person_with_an_axis_for_people(tmp_path: Path) -> None:
+    for number, frame in enumerate(COCO):
+        np.save(tmp_path / f"{number}.npy", frame[None])
+    assert ArrayFramesReader().accepts(tmp_path) and not ArrayReader().accepts(tmp_path / "0.npy")
+    (pose,) = ArrayFramesReader().read(tmp_path)
+    np.testing.assert_allclose(pose.keypoints, COCO[..., :2], rtol=1e-6)
+
+
+def test_python_objects_beside_keypoints_are_left_alone(tmp_path: Path) -> None:
+    np.savez(tmp_path / "k.npz", keypoints=COCO, meta=np.array({"never": "unpickled"}, dtype=object))
+    (pose,) = ArrayReader().read(tmp_path / "k.npz")
+    assert len(pose) == T and "not used: meta" in pose.provenance["notes"]
+    np.savez(tmp_path / "o.npz", keypoints=np.array([COCO[0], None], dtype=object))
+    with pytest.raises(KeypointError, match="Python objects"):
+        ArrayReader().read(tmp_path / "o.npz")
+
+
+def marks(frame: np.ndarray) -> list[dict[str, float]]:
+    return [dict(zip(("x", "y", "z", "visibility"), map(float, mark), strict=True)) for mark in frame]
+
+
+TREES: dict[str, Callable[[np.ndarray], object]] = {
+    "message": lambda frame: {"landmark": marks(frame)},
+    "nested message": lambda frame: {"pose_landmarks": {"landmark": marks(frame)}, "face_landmarks": None},
+    "list": marks,
+    "editor": lambda frame: [{"people": [{"pose_keypoints_2d": flat17()}], "canvas_width": 640}],
+    "detectron": lambda frame: {"instances": [{"pred_keypoints": COCO[0].tolist(), "pred_boxes": []}]},
+}
+
+
+def flat17() -> list[float]:
+    return [float(value) for value in COCO[0].reshape(-1)]
+
+
+@pytest.mark.parametrize("kind", TREES)
+def test_frames_as_mediapipe_editors_and_detectron_write_them(tmp_path: Path, kind: str) -> None:
+    for number, frame in enumerate(MEDIA_PIPE):
+        (tmp_path / f"{number}.json").write_text(json.dumps(TREES[kind](frame)))
+    reader = OpenPoseJsonReader()
+    assert reader.accepts(tmp_path)
+    (pose,) = reader.read(tmp_path)
+    assert len(pose) == T and pose.seen.all()
+    if kind in ("message", "nested message", "list"):
+        assert pose.skeleton == "blazepose33"
+        np.testing.assert_allclose(pose.keypoints / (640, 480), MEDIA_PIPE[..., :2], atol=1e-5)
+    else:
+        assert pose.skeleton == "coco17"

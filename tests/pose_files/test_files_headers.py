@@ -244,6 +244,7 @@ def test_the_names_of_a_maker_are_its_skeleton(tmp_path: Path, names: str, body:
 
 def test_where_the_thorax_is_named_it_is_the_neck(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("Thorax_x,Thorax_y,Neck_x,Neck_y,LShoulder_x,LShoulder_y\n" + "1,2,3,4,5,6\n" * 3)
+    path.write_text("Thorax_x,Thorax_y,Neck_x,Neck_y,RFoot_x,RFoot_y\n" + "1,2,3,4,5,6\n" * 3)
     (pose,) = read(path)
     assert pose.keypoints[0, COCO18.index("neck")].tolist() == [1, 2]
+    assert pose.keypoints[0, COCO18.index("right_ankle")].tolist() == [5, 6]  # without another one

@@ -209,6 +209,7 @@ def test_a_header_of_a_whole_body(tmp_path: Path) -> None:
         "{}_wave_keypoints.json",
         "{:04d}.wave.json",
         "cam2_{:05d}_1.json",
+        "f{}_of_90_keypoints.json",
     ],
 )
 def test_frames_by_their_numbers(tmp_path: Path, form: str) -> None:
@@ -219,3 +220,11 @@ def test_frames_by_their_numbers(tmp_path: Path, form: str) -> None:
     reader = OpenPoseJsonReader()
     assert reader.accepts(tmp_path) and reader.members(tmp_path) == [""]
     same(reader.read(tmp_path)[0], points)
+
+
+def test_decimal_numbers_in_names_are_seconds_and_refused(tmp_path: Path) -> None:
+    for number in range(30):
+        (tmp_path / f"{number / 20:.2f}.json").write_text(json.dumps({"people": []}))
+    with pytest.raises(KeypointError, match="decimal numbers, as") as caught:
+        OpenPoseJsonReader().members(tmp_path)
+    assert "whole numbers" in str(caught.value.remedy)

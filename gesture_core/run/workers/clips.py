@@ -185,10 +185,7 @@ class Sound:
         from gesture_core.video.containers import open_container
 
         file, container = open_container(self._path)
-        with (
-            file,
-            av.open(file, "r", format=container, metadata_errors="replace", io_open=_refuse) as opened,
-        ):
+        with file, av.open(file, "r", format=container, metadata_errors="replace", io_open=_refuse) as opened:
             if not opened.streams.audio:
                 clip.note = "the recording has no sound"
                 return

@@ -17,8 +17,8 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import IO, Any
 
-from gesture_core.cores import usable_cores
 from gesture_core.errors import WorkerError
+from gesture_core.files import usable_cores
 from gesture_core.plugin.registry import show_tracebacks, tracebacks
 from gesture_core.records import Job, Outcome, Task
 from gesture_core.run.workers.worker import Worker, from_tree

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gesture_core.cores import usable_cores
 from gesture_core.dtw.bands import has_holes
 from gesture_core.dtw.spec import DtwSpec
+from gesture_core.files import usable_cores
 from gesture_core.plugin.abilities import GradientKernel, PairKernel, SearchKernel, SubsequenceKernel
 from gesture_core.types import SignalBatch
 from gesture_dtw_numba.compiled import LANES, ROWS, compiled

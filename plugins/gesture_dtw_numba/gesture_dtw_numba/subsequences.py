@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from gesture_core.cores import usable_cores
 from gesture_core.dtw.subsequence import UNREACHABLE, SubsequenceState
+from gesture_core.files import usable_cores
 from gesture_dtw_numba.compiled import compiled
 
 CELLS = 1024

@@ -38,15 +38,19 @@ class ArrayFramesReader:
 
     def accepts(self, path: Path) -> bool:
         """Whether ``path`` is a folder with a numbered ``.npy`` that is one frame, and no sequence."""
-        return any(map(self._is_frame, some_files(path, ".npy", _LOOKED_AT)))
+        shapes = [*map(self._shape, some_files(path, ".npy", _LOOKED_AT))]
+        if any(is_one_frame(shape, self.options) for shape in shapes if shape):
+            return True
+        # (1, J, 2|3) is one person as networks give it; clips of one frame would be as good as none.
+        alone = [shape is not None and len(shape) == 3 and shape[0] == 1 for shape in shapes]
+        return bool(alone) and all(alone)
 
-    def _is_frame(self, file: Path) -> bool:
+    def _shape(self, file: Path) -> tuple[int, ...] | None:
         try:
             with open_keypoints(file, MAX_FILE_BYTES) as opened:
-                shape, _, _ = read_header(opened, printable(file))
+                return read_header(opened, printable(file))[0]
         except KeypointError:
-            return False
-        return is_one_frame(shape, self.options)
+            return None
 
     def members(self, path: Path) -> list[str]:
         """Names of the sequences in the folder; ``[""]`` where there is only one."""

@@ -20,6 +20,7 @@ from gesture_pose_files.layout import sequence, skeleton_called
 from gesture_pose_files.named import joints_among, order_of, people_of
 from gesture_pose_files.npy import MAX_FILE_BYTES, read_array, read_header
 from gesture_pose_files.npz import Members, array_in, members_of, opened, shape_of
+from gesture_pose_files.numbering import number_in
 from gesture_pose_files.reader import Reader, clip_called
 from gesture_pose_files.whole_body import is_known, is_one_frame, people_in
 
@@ -74,12 +75,14 @@ class ArrayReader(Reader):
         return f"it does not begin as NumPy's files do, but with {head_of(path, 12)!r}"
 
     def _is_one_frame(self, path: Path) -> bool:
-        """By its header; what has none is no frame."""
+        """By its header, and by a number in its name where it has an axis for one person."""
         try:
             with open_keypoints(path, MAX_FILE_BYTES) as file:
-                return is_one_frame(read_header(file, printable(path))[0], self.options)
+                shape = read_header(file, printable(path))[0]
         except KeypointError:
             return False
+        alone = len(shape) == 3 and shape[0] == 1 and number_in(path.name) is not None
+        return alone or is_one_frame(shape, self.options)
 
     def members(self, path: Path) -> list[str]:
         """Names of the sequences in ``path``; ``[""]`` where it holds one."""
@@ -256,7 +259,11 @@ def _with_scores(points: np.ndarray, scores: np.ndarray, source: str) -> np.ndar
 
 
 def _shapes(archive: zipfile.ZipFile, keys: Members, path: Path) -> Mapping[str, tuple[int, ...]]:
-    return {key: shape_of(archive, info, printable(path)) for key, info in keys.items()}
+    main = [key for key in KEYPOINTS if key in keys]
+    return {
+        key: shape_of(archive, info, printable(path), objects=bool(main) and key not in main)
+        for key, info in keys.items()
+    }
 
 
 def _sequence_names(shapes: Mapping[str, tuple[int, ...]], options: ReadOptions) -> list[str]:

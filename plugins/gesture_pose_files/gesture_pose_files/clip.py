@@ -116,7 +116,7 @@ class Clip:
                 scores=scores,
                 numbers=numbers,
                 body=by_count(options)[joints] if joints in self.said else None,
-                axes="xy",
+                axes=None if options.axes == "yx" else "xy",
                 unit="shares" if shares else "pixels",
                 frame_size=size,
                 person=person,

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gesture_core.errors import KeypointError
 from gesture_core.joint_names import joint_named, joints_named, words_of
-from gesture_core.plugin.reading import ReadOptions
+from gesture_core.plugin.reading import ReadOptions, Unit
 from gesture_core.skeletons import COCO18, Skeleton, skeleton_of
 from gesture_pose_files.layout import by_count
+from gesture_pose_files.table import UNITS
 
 _PARTS = {
     "x": "x", "y": "y", "z": "z", "score": "score", "scores": "score", "confidence": "score",
     "conf": "score", "c": "score", "likelihood": "score", "visibility": "score", "vis": "score",
     "v": "score", "prob": "score", "probability": "score", "p": "score", "s": "score",
 }  # fmt: skip
-_NUMBERED = {"kp", "kpt", "keypoint", "keypoints", "joint", "joints", "landmark", "landmarks", "lm", "point"}
-_NUMBERED |= {"points", "pt", "pose", "j", "k", "marker", "node", "position", "pos", "location", "bones"}
+# What is written without a mark after a joint: nosex, LShoulderConf.
+_ENDINGS = ("confidence", "likelihood", "visibility", "score", "conf", "x", "y", "z", "c")
+_NUMBERED = set(
+    "kp kpt kps kpts keypoint keypoints joint joints landmark landmarks lm point points pt pose j k marker "
+    "node position pos location bones".split()
+)
 _TIMES = dict.fromkeys(
     ("time", "times", "timestamp", "timestamps", "t", "sec", "secs", "second", "seconds", "timesec", "times",
      "timeseconds", "timestampsec", "timestamps", "timestampseconds"), 1.0,
@@ -44,7 +49,7 @@ _JOINTS = set(
     "bodypart bodypartname landmark landmarkid landmarkname landmarkidx landmarkindex kp kpid part partname "
     "point pointid node nodename marker markername jointtype bone bonename".split()
 )
-_INDEX = {"", "index", "unnamed", "row", "rowid", "rownumber", "rownames"}
+INDEX = {"", "index", "indexlevel0", "level0", "unnamed", "row", "rowid", "rownumber", "rownames"}
 _SHOWN = 5
 _FEWEST_NUMBERED = 5
 
@@ -63,8 +68,12 @@ class Columns:
         The header names the joints; otherwise it numbers them.
     time, frame, person, joint, clip : int or None
         Columns; the seconds of a unit of the first are ``tick``.
+    index : tuple of int
+        Columns that number the rows, as data-frame libraries write them.
     unused : tuple of str
-        Names of all other columns, but for those that just number the rows.
+        Names of all other columns.
+    unit : "pixels", "metres" or None
+        Of the coordinates, where all their names say one.
     """
 
     body: Skeleton | None
@@ -78,7 +87,9 @@ class Columns:
     person: int | None = None
     joint: int | None = None
     clip: int | None = None
+    index: tuple[int, ...] = ()
     unused: tuple[str, ...] = ()
+    unit: Unit | None = None
 
 
 def unused_note(names: Sequence[str]) -> list[str]:
@@ -110,8 +121,9 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
     Raises
     ------
     KeypointError
-        `E_KEYPOINTS_FORMAT` where two columns are one coordinate, `E_KEYPOINTS_SKELETON` where joints are
-        numbered and no known skeleton has so many, or neither neck nor shoulders are among them.
+        `E_KEYPOINTS_FORMAT` where two columns are one coordinate or one of two is not there,
+        `E_KEYPOINTS_SKELETON` where joints are numbered and no known skeleton has so many, or neither neck
+        nor shoulders are among them.
     """
     places: dict[tuple[str | int, str], int] = {}
     single: dict[str, int] = {}
@@ -141,6 +153,7 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
         else:
             places[key] = column
     pairs = [joint for joint, part in places if part == "x" and (joint, "y") in places]
+    _refuse_halves([*places], pairs, [names[column] for column in places.values()], source)
     named = [joint for joint in pairs if isinstance(joint, str) and joint]
     numbers = sorted(joint for joint in pairs if isinstance(joint, int))
     joint = next((single[role] for role in single if role in _JOINTS), None)
@@ -152,14 +165,17 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
     elif joint is not None and "" in pairs:
         joints = [""]
     else:
-        return None
+        bare, unit = _without_units(names)
+        found = columns_of(bare, options, source) if unit else None
+        return replace(found, unit=unit) if found else None
     time = next((role for role in single if role in _TIMES), None)
     frame = next((single[role] for role in single if role in FRAMES), None)
     person = next((single[role] for role in _PEOPLE if role in single), None)
     known = {frame, person, single.get(time or "-"), joint if joints == [""] else None}
     known |= {places[j, part] for j in joints for part in ("x", "y", "z", "score") if (j, part) in places}
-    index = tuple(column for role, column in single.items() if role in _INDEX or role == "id")
-    unused = [n for column, n in enumerate(names) if column not in known and column not in index]
+    index = tuple(column for role, column in single.items() if role in INDEX)
+    known |= {*index, single.get("id")}
+    unused = [n for column, n in enumerate(names) if column not in known]
     if any((j, "z") in places for j in joints):
         unused.append("depth (z)")
     return Columns(
@@ -174,8 +190,36 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
         person=person,
         joint=joint if joints == [""] else None,
         clip=next((single[role] for role in single if role in _CLIPS), None),
+        index=index,
         unused=tuple(unused),
     )
+
+
+def _refuse_halves(
+    places: Sequence[tuple[str | int, str]], pairs: Sequence[str | int], names: Sequence[str], source: str
+) -> None:
+    """Refuse joints that have an x and no y, or a y and no x, where others have both."""
+    for (joint, part), name in zip(places, names, strict=True):
+        if len(pairs) > 1 and joint != "" and isinstance(joint, str) and part in "xy" and joint not in pairs:
+            other = "y" if part == "x" else "x"
+            raise KeypointError(
+                f"has a column {name.strip()[:40]!r} and none for its {other}",
+                subject=source,
+                remedy="both columns of a joint, or neither",
+                code="E_KEYPOINTS_FORMAT",
+            )
+
+
+def _without_units(names: Sequence[str]) -> tuple[list[str], Unit | None]:
+    """Names without the units of coordinates at their ends, and that unit where there is one."""
+    bare, units = [], set()
+    for name in names:
+        words = words_of(name)
+        unit = UNITS.get(words[-1]) if len(words) > 1 else None
+        at = len(name) if unit is None else name.casefold().rindex(words[-1])
+        bare.append(name[:at])
+        units |= {unit} if unit and _coordinate(words[:-1]) else set()
+    return bare, ("metres" if "metres" in units else "pixels") if len(units) == 1 else None
 
 
 def _coordinate(words: list[str]) -> tuple[str | int, str] | None:
@@ -194,6 +238,11 @@ def _coordinate(words: list[str]) -> tuple[str | int, str] | None:
         plain = [word for word in rest if word not in _NUMBERED]  # pose_nose_x, nose_landmark_x
         if joint := joint_named("_".join(rest)) or joint_named("_".join(plain)):
             return joint, value
+    for ending in _ENDINGS if words else ():
+        if words[-1].endswith(ending) and words[-1] != ending:
+            rest = [*words[:-1], words[-1].removesuffix(ending)]
+            if joint := joint_named("_".join(word for word in rest if word not in _NUMBERED)):
+                return joint, _PARTS[ending]
     return None
 
 

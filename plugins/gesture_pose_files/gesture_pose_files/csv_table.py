@@ -8,7 +8,7 @@ from functools import partial
 from io import BytesIO
 from itertools import chain, islice
 from pathlib import Path
-from typing import IO, ClassVar
+from typing import IO, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -20,10 +20,29 @@ from gesture_pose_files.columns import Columns, body_of_rows, columns_of, missin
 from gesture_pose_files.deeplabcut import is_deeplabcut
 from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, head_of, open_keypoints, suffix_of
 from gesture_pose_files.layout import flat_widths, sequence
-from gesture_pose_files.ordering import Rows, by_joint, by_person, frame_numbers, in_order
+from gesture_pose_files.ordering import (
+    Rows,
+    by_index,
+    by_joint,
+    by_person,
+    following,
+    frame_numbers,
+    in_order,
+)
 from gesture_pose_files.people import tracks
-from gesture_pose_files.reader import OneClipReader
-from gesture_pose_files.table import MAX_LINE, SUFFIXES, number_in, numbers_of, rows_of, split_header
+from gesture_pose_files.reader import OneClipReader, with_lost
+from gesture_pose_files.table import (
+    MAX_LINE,
+    SUFFIXES,
+    cells_of,
+    lines_above,
+    number_in,
+    numbers_of,
+    refuse_thousands,
+    rows_of,
+    separator,
+    split_header,
+)
 
 _HEAD_BYTES = MAX_LINE
 _MAX_JOINT_ROWS = 8 * MAX_FRAMES
@@ -32,7 +51,20 @@ _MOST_LEADING = 2
 _FEWEST_ROWS = 3
 _CALENDAR = 1e8
 """Seconds from which on a time is one of a calendar: three years."""
+_LOOKED_AT = 60
+_WIDE = 20
+"""Cells of a line above a table that may be a row of joints itself."""
 _Person = tuple[np.ndarray, np.ndarray | None, Rows, list[str]]
+
+
+class _Opened(NamedTuple):
+    """The names of the columns, the rows below, what the names are, the index of bare rows, notes."""
+
+    names: list[str] | None
+    rows: Iterator[list[str]]
+    columns: Columns | None
+    numbers: list[str]
+    notes: list[str]
 
 
 class CsvReader(OneClipReader):
@@ -57,19 +89,17 @@ class CsvReader(OneClipReader):
         if len(head) == _HEAD_BYTES:
             head = head[: head.rfind(b"\n") + 1] or head
         try:
-            names, rows, columns = self._opened(BytesIO(head), printable(path))
-            if names:
-                return columns is not None
+            opened = self._opened(BytesIO(head), head, printable(path))
+            if opened.names:
+                return opened.columns is not None
             if suffix_of(path) == ".txt":  # which may hold anything
-                return self._is_bare(list(islice(rows, _FEWEST_ROWS)))
-            return bool(self._ends(next(rows, [])))
+                return self._is_bare(list(islice(opened.rows, _FEWEST_ROWS)))
+            return bool(self._ends(next(opened.rows, [])))
         except KeypointError as error:
-            if error.code == "E_KEYPOINTS_SKELETON":
-                raise
-            return False
+            return error.code == "E_KEYPOINTS_SKELETON"  # reading it says why
 
     def refusal(self, path: Path) -> str:
-        """The header, which names no joints."""
+        """The header, which names no joints, or what is wrong with it."""
         head = head_of(path, _HEAD_BYTES)
         lines = head.decode("utf-8-sig", "replace").splitlines()
         header = next((line for line in lines if line.strip()), "")
@@ -81,6 +111,10 @@ class CsvReader(OneClipReader):
             return "its lines end as old Macintoshes ended them; save it as CSV in UTF-8"
         if suffix_of(path) == ".txt" and not any(character.isdigit() for character in header):
             return ""
+        try:
+            self._opened(BytesIO(head), head, printable(path))
+        except KeypointError as error:
+            return f"{error.cause}; wanted are {error.remedy}" if error.remedy else error.cause
         named = [cell for cell in re.split(r"[,;\t|]", header) if joint_named(cell.strip(' "'))]
         if len(named) > 1:
             return (
@@ -94,33 +128,54 @@ class CsvReader(OneClipReader):
 
     def sequences(self, path: Path, source: str) -> list[PoseSequence]:
         """The people in the table."""
+        head = head_of(path, _HEAD_BYTES)
         with open_keypoints(path, MAX_CSV_BYTES) as file:
-            names, rows, columns = self._opened(file, source)
-            first = next(rows, None)
-            if names is None and first is None:
+            opened = self._opened(file, head, source)
+            first = next(opened.rows, None)
+            if opened.names is None and first is None:
                 raise KeypointError("holds no row", subject=source, code="E_KEYPOINTS_EMPTY")
-            if names is None:
-                return self._bare([] if first is None else first, rows, source)
-            if columns is None:
-                raise _no_table(names, source)
+            if opened.names is None:
+                return self._bare(first or [], opened, source)
+            if opened.columns is None:
+                raise _no_table(opened.names, source)
             if first is None:
                 raise KeypointError("holds a header and no row", subject=source, code="E_KEYPOINTS_EMPTY")
-            return self._named(names, columns, chain([first], rows), source)
+            return self._named(
+                opened.names, opened.columns, chain([first], opened.rows), source, opened.notes
+            )
 
-    def _opened(
-        self, file: IO[bytes], source: str
-    ) -> tuple[list[str] | None, Iterator[list[str]], Columns | None]:
-        """The names of the columns, the rows below, and what the names are.
+    def _opened(self, file: IO[bytes], head: bytes, source: str) -> _Opened:
+        """What a file is by its ``head``.
 
         R's tables name their columns, but not that of the numbers or names of the rows before them.
         """
         find = partial(columns_of, options=self.options, source=source)
-        names, rows = split_header(rows_of(file, source), find)
+        lines = head.decode("utf-8-sig", "replace").splitlines()[:_LOOKED_AT]
+        above = lines_above(lines)
+        if max((len(cells_of(line, separator(lines[-1]))) for line in lines[:above]), default=0) >= _WIDE:
+            above = 0  # rows of another table
+        for _ in range(above):
+            file.readline()
+        index: list[str] = []
+        names, rows = split_header(rows_of(file, source), find, index=index)
         first = list(islice(rows, 1))
-        longer = names and first and len(first[0]) == len(names) + 1 and first[0][-1].strip()
-        if names and longer and number_in(first[0][0]) in (None, 0, 1):
+        longer = len(first[0]) - len(names) if names and first else 0
+        if names and longer == -1 and names[0].strip("# ") == "":  # a mark of its own before the names
+            names = names[1:]
+        elif names and longer == -1 and not names[-1].strip():
+            names = names[:-1]
+        elif names and longer == 1 and not first[0][-1].strip():
+            names = [*names, ""]
+        elif names and longer == 1 and number_in(first[0][0]) in (None, 0, 1):
             names = ["", *names]
-        return names, chain(first, rows), find(names) if names else None
+        notes = [f"its first {above} lines are no table"] if above > 1 else ["its first line is no table"]
+        return _Opened(
+            names,
+            chain(first, rows),
+            find(names) if names else None,
+            index,
+            notes if above else [],
+        )
 
     def _is_bare(self, rows: Sequence[list[str]]) -> bool:
         """Whether the first rows of a text are keypoints without names, and nothing else in numbers."""
@@ -139,11 +194,16 @@ class CsvReader(OneClipReader):
         widths = flat_widths(self.options)
         return [end for end in ends if any(end - start in widths for start in leading)]
 
-    def _bare(self, first: list[str], rows: Iterator[list[str]], source: str) -> list[PoseSequence]:
+    def _bare(self, first: list[str], opened: _Opened, source: str) -> list[PoseSequence]:
         if not self._ends(first):
             raise _no_table(first, source)
         width = len(first)
-        table, _ = numbers_of(chain([first], rows), width, range(width), (), MAX_FRAMES, source)
+        cut: list[KeypointError] = []
+        rows = _with_a_cut_end(chain([first], opened.rows), width, (0, 1), cut, source)
+        table, _ = numbers_of(rows, width, range(width), (), MAX_FRAMES, source)
+        refuse_thousands(table, source)
+        indexed, order, notes = by_index([opened.numbers[: len(table)]] if opened.numbers else [], source)
+        table = table if order is None else table[order]
         leading = _leading(table)
         ends = self._ends(first, [leading])
         if not ends:
@@ -151,18 +211,30 @@ class CsvReader(OneClipReader):
         points = table[:, leading : ends[0]]
         if flat_widths(self.options)[points.shape[1]][1] == 2:
             _refuse_labels(points, source)
-        times = table[:, 1] if leading == 2 else None
-        return [sequence(points, self.options, source=source, reader=self.name, times=times)]
+        times = table[:, 1] if leading == 2 else indexed
+        notes = [*opened.notes, *notes]
+        found = sequence(points, self.options, source=source, reader=self.name, times=times, notes=notes)
+        return [with_lost(found, cut)]
 
     def _named(
-        self, names: list[str], columns: Columns, rows: Iterator[list[str]], source: str
+        self,
+        names: list[str],
+        columns: Columns,
+        rows: Iterator[list[str]],
+        source: str,
+        notes: Sequence[str] = (),
     ) -> list[PoseSequence]:
         places = [*columns.x, *columns.y, *columns.score, columns.time]
         wanted = sorted({place for place in places if place is not None})
         most = MAX_FRAMES if columns.joint is None else _MAX_JOINT_ROWS
+        cut: list[KeypointError] = []
+        rows = _with_a_cut_end(
+            rows, len(names), (columns.time, columns.frame, columns.person, columns.joint), cut, source
+        )
         table, texts = numbers_of(rows, len(names), wanted, names, most, source, columns.time)
         if np.isinf(table).any():
             raise KeypointError("holds an infinite value", subject=source, code="E_KEYPOINTS_VALUE")
+        refuse_thousands(table[:, [place for place in (*columns.x, *columns.y) if place is not None]], source)
         rest = [column for column in range(len(names)) if column not in wanted]
 
         def text_of(column: int | None) -> list[str] | None:
@@ -177,6 +249,11 @@ class CsvReader(OneClipReader):
                 code="E_KEYPOINTS_FORMAT",
             )
         times = None if columns.time is None else table[:, columns.time] * columns.tick
+        order = None
+        if times is None and columns.frame is None and columns.joint is None:
+            indices = [text_of(column) or [] for column in columns.index]
+            times, order, own = by_index(indices, source, several=columns.person is not None)
+            notes = [*notes, *own]
         if times is not None and len(times) and np.fmin.reduce(times) > _CALENDAR:  # the day says nothing
             times = times - np.nanmin(times)
         frames = text_of(columns.frame)
@@ -187,14 +264,20 @@ class CsvReader(OneClipReader):
             None if frames is None else frame_numbers(frames, source),
             np.arange(len(table)),
         )
-        groups, notes = by_person(every, text_of(columns.person), source)
+        people = text_of(columns.person)
+        if order is not None:
+            every, people = every.take(order), people and [people[row] for row in order]
+        groups, own = by_person(every, people, source)
         body, named = columns.body, columns.named
         if body is None:
             labels = text_of(columns.joint) or []
             body, where = body_of_rows(list(dict.fromkeys(labels)), self.options, source)
             named = not labels[0].isdigit()
             groups = [by_joint(one, labels, where, len(body.joints), source) for one in groups]
-        notes = [*unused_note(columns.unused), *missing_note(body if named else None), *notes]
+        if self.people == "single" and len(groups) > 1:
+            groups, after = following(groups)
+            own = [*own, *after]
+        notes = [*notes, *unused_note(columns.unused), *missing_note(body if named else None), *own]
         found, names = [], []
         for one in groups:
             for points, scores, mine, own in self._people(one, len(body.joints), source):
@@ -211,10 +294,11 @@ class CsvReader(OneClipReader):
                         clock=every.numbers if times is None else times,
                         body=body if named else None,
                         axes="xy",
+                        unit=columns.unit if columns.unit == "metres" else None,
                         notes=[*notes, *own],
                     )
                 )
-        return self.best(found, source, names)
+        return [with_lost(one, cut) for one in self.best(found, source, names)]
 
     def _people(self, rows: Rows, joints: int, source: str) -> Iterator[_Person]:
         """One person, or several whom only their place tells apart."""
@@ -227,6 +311,31 @@ class CsvReader(OneClipReader):
         notes.append(f"up to {most} people in a frame told apart by their place, as no column does")
         for points, scores in tracks(frames, joints, self.people):
             yield points, scores, first, notes
+
+
+def _with_a_cut_end(
+    rows: Iterator[list[str]], width: int, needed: Sequence[int | None], cut: list[KeypointError], source: str
+) -> Iterator[list[str]]:
+    """The rows, the last one filled up where it is shorter: a recorder was stopped in the middle of it.
+
+    Where it ends before the columns that are ``needed`` it stays as it is.
+    """
+    last: list[str] = []
+    for count, row in enumerate(rows):
+        if count:
+            yield last
+        last = row
+        if count and len(row) < width and all(place is None or place < len(row) - 1 for place in needed):
+            cause = f"row {count + 1} has {len(row)} cells, the first line has {width}"
+            following = next(rows, None)
+            if following is None:
+                cut.append(KeypointError(cause, subject=source, code="E_KEYPOINTS_FORMAT"))
+                last = [*row[:-1], *[""] * (width - len(row) + 1)]
+            else:
+                yield last
+                last = following
+    if last:
+        yield last
 
 
 def _leading(table: np.ndarray) -> int:

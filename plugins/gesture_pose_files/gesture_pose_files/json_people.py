@@ -22,7 +22,9 @@ from gesture_pose_files.whole_body import body_of, known_counts
 
 _LARGEST = 1e7
 _PEOPLE = ("people", "bodies", "instances", "instance_info", "predictions")
-_KEYPOINTS = ("pose_keypoints_2d", "pose_keypoints", "keypoints", "joints")
+_KEYPOINTS = ("pose_keypoints_2d", "pose_keypoints", "keypoints", "joints", "pred_keypoints")
+_LANDMARKS = ("pose_landmarks", "poseLandmarks", "landmarks", "landmark")
+_SCORE_OF = ("visibility", "score", "confidence")
 SCORES = ("keypoint_scores", "keypoints_scores", "keypoint_score", "kp_score", "keypoints_visible")
 _REST: Mapping[str, int] = {
     "face_keypoints_2d": 70,
@@ -97,6 +99,10 @@ def people_in(frame: object, name: str, options: ReadOptions) -> Found:
 
 def _people(frame: object) -> list[Any] | None:
     """The list of people in a frame; one person as an object is a list of one."""
+    if marks := landmarks_of(frame):
+        score = next((key for key in _SCORE_OF if key in marks[0]), "")
+        return [{"keypoints": [[mark.get("x"), mark.get("y"), mark.get(score, 1.0)] for mark in marks]}]
+    frame = frame[0] if is_one(frame) and isinstance(frame, list) else frame
     if isinstance(frame, Mapping):
         held = next((frame[key] for key in _PEOPLE if key in frame), None)
         if isinstance(held, Mapping):
@@ -107,6 +113,23 @@ def _people(frame: object) -> list[Any] | None:
     if isinstance(frame, list) and all(isinstance(one, Mapping) for one in frame):
         return frame
     return None
+
+
+def is_one(frame: object) -> bool:
+    """Whether a tree is a list of nothing but one frame, as editors of poses write it."""
+    return (
+        isinstance(frame, list) and len(frame) == 1 and isinstance(frame[0], Mapping) and "people" in frame[0]
+    )
+
+
+def landmarks_of(frame: object) -> list[Any]:
+    """The joints of a frame that is nothing but these, as MediaPipe's messages are; empty for another."""
+    while isinstance(frame, Mapping):
+        frame = next((frame[key] for key in _LANDMARKS if key in frame), None)
+    points = isinstance(frame, list) and all(
+        isinstance(one, Mapping) and {"x", "y"} <= {*one} for one in frame
+    )
+    return frame if points and isinstance(frame, list) else []
 
 
 def _joints(person: Mapping[str, Any], number: int, name: str, options: ReadOptions) -> np.ndarray | None:

@@ -7,7 +7,7 @@ columns mean what they mean in a table.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from operator import itemgetter
@@ -19,7 +19,7 @@ from gesture_core.files import printable
 from gesture_core.joint_names import words_of
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
-from gesture_pose_files.columns import FRAMES, columns_of
+from gesture_pose_files.columns import FRAMES, INDEX, columns_of
 from gesture_pose_files.csv_table import CsvReader
 from gesture_pose_files.files import MAX_FRAMES, MAX_LIST_BYTES, suffix_of
 from gesture_pose_files.json_people import SCORES
@@ -79,7 +79,7 @@ class JsonTableReader(CsvReader):
                     return True
             except KeypointError as error:
                 if error.code == "E_KEYPOINTS_SKELETON" and not head:
-                    raise
+                    return True  # reading it says why
         return False
 
     def refusal(self, path: Path) -> str:
@@ -114,7 +114,13 @@ class JsonTableReader(CsvReader):
                 code="E_KEYPOINTS_LIMIT",
             )
         options = _with_said(self.options, clip.said)
-        records = [record for number, frame in clip.frames for record in _records(number, frame, options)]
+        frames = [(number, [*_records(frame, options)]) for number, frame in clip.frames]
+        indexed = all(len(records) == 1 and _in_order(records[0], INDEX) for _, records in frames)
+        for number, records in () if indexed else frames:
+            for record in records:
+                if not _in_order(record, FRAMES):
+                    record["frame"] = number
+        records = [record for _, some in frames for record in some]
         return list(dict.fromkeys(name for record in records for name in record)), records, options
 
     def _tree(self, path: Path, *, head: bool = False) -> Any:
@@ -135,7 +141,7 @@ def _clip(tree: Any) -> _Clip | None:
     """The frames of a clip; None where it is not clear that these are frames, and not people of one frame."""
     if isinstance(tree, list):
         some = [one for one in tree if isinstance(one, Mapping)]
-        detected = any(_DETECTED & one.keys() and not _numbered(one) for one in some)
+        detected = any(_DETECTED & one.keys() and not _in_order(one, FRAMES) for one in some)
         return None if detected or len(tree) < 2 else _Clip(list(enumerate(tree)), {})
     if not isinstance(tree, Mapping) or not tree:
         return None
@@ -143,6 +149,9 @@ def _clip(tree: Any) -> _Clip | None:
     columns, data = tree.get("columns"), tree.get("data")
     if isinstance(columns, list) and isinstance(data, list) and all(isinstance(row, list) for row in data):
         rows = [dict(zip(map(str, columns), row, strict=False)) for row in data]
+        index = tree.get("index")
+        if isinstance(index, list) and len(index) == len(rows):
+            rows = [{"index": number, **row} for number, row in zip(index, rows, strict=True)]
         return _Clip(list(enumerate(rows)), {})
     if all(map(_is_number, tree)) and len(tree) > 1:
         return _Clip(sorted(((int(key), tree[key]) for key in tree), key=itemgetter(0)), {})
@@ -166,9 +175,9 @@ def _is_number(key: str) -> bool:
     return key.isdecimal() and len(key) <= _MOST_DIGITS
 
 
-def _numbered(frame: Mapping[str, Any]) -> bool:
-    """Whether a frame or a row says which frame it is."""
-    return any("".join(words_of(key)) in FRAMES for key in frame)
+def _in_order(frame: Mapping[str, Any], names: Collection[str]) -> bool:
+    """Whether a frame or a row says which it is, by one of these names."""
+    return any("".join(words_of(key)) in names for key in frame)
 
 
 def _with_said(options: ReadOptions, said: Mapping[str, Any]) -> ReadOptions:
@@ -182,7 +191,7 @@ def _with_said(options: ReadOptions, said: Mapping[str, Any]) -> ReadOptions:
     return options
 
 
-def _records(number: int, frame: Any, options: ReadOptions) -> Iterator[Record]:
+def _records(frame: Any, options: ReadOptions) -> Iterator[Record]:
     """A row for each person in a frame; one without coordinates where there is nobody."""
     common: Record = {}
     people: Any = [frame]
@@ -199,8 +208,6 @@ def _records(number: int, frame: Any, options: ReadOptions) -> Iterator[Record]:
     for person in people or [None]:
         record = dict(common)
         _flatten(person, "", record, options)
-        if not _numbered(record):
-            record["frame"] = number
         yield record
 
 
@@ -230,7 +237,8 @@ def _flatten(value: Any, name: str, out: Record, options: ReadOptions) -> None:
                 one = [_scored(*joint) for joint in zip(one, value[scored], strict=True)]
             elif key == scored:
                 continue
-            _flatten(one, f"{name}_{key}" if name else str(key), out, options)
+            key = str(key).removesuffix("_2d")  # OpenPose's names
+            _flatten(one, f"{name}_{key}" if name else key, out, options)
     elif isinstance(value, list):
         _flatten_list(value, name, out, options)
     else:
@@ -247,13 +255,16 @@ def _flatten_list(value: list[Any], name: str, out: Record, options: ReadOptions
             return _flatten_list(some, name, out, options) if joints > 1 else None
         else:
             values = tuple(map(str, range(len(value))))
+        if options.axes == "yx" and values[:2] == ("x", "y"):
+            values = ("y", "x", *values[2:])
         for part, one in zip(values, value, strict=True):
             out[f"{name}_{part}"] = one
         return None
     for number, one in enumerate(value):
         if isinstance(one, list) and len(one) == 3 and len(value) == _MEDIAPIPE:
-            one = dict(zip(("x", "y", "z"), one, strict=True))  # MediaPipe's landmarks without visibility
-        own = one.get("name") if isinstance(one, Mapping) else None
+            names = ("y", "x", "z") if options.axes == "yx" else ("x", "y", "z")
+            one = dict(zip(names, one, strict=True))  # MediaPipe's landmarks without visibility
+        own = one.get("name", one.get("part")) if isinstance(one, Mapping) else None
         _flatten(one, f"{name}_{own or number}" if name else str(own or number), out, options)
     return None
 

@@ -33,10 +33,17 @@ def members_of(archive: zipfile.ZipFile, path: Path) -> Members:
     return {info.filename.removesuffix(".npy"): info for info in infos if info.filename.endswith(".npy")}
 
 
-def shape_of(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> tuple[int, ...]:
-    """The shape that a member's header claims."""
+def shape_of(
+    archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, *, objects: bool = False
+) -> tuple[int, ...]:
+    """The shape that a member's header claims; ``()`` of Python ``objects`` where these may be there."""
     with archive.open(info) as file:
-        return read_header(file, f"{name}::{info.filename}")[0]
+        try:
+            return read_header(file, f"{name}::{info.filename}")[0]
+        except KeypointError as error:
+            if objects and error.code == "E_KEYPOINTS_FORMAT":
+                return ()
+            raise
 
 
 def array_in(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, kinds: str = "fiu") -> np.ndarray:

@@ -20,6 +20,8 @@ _NUMBERED = re.compile(
 _NUMBER_FIRST = re.compile(
     r"(?P<number>\d{1,18})[_\-. ](?P<clip>.*?)(?:[_\-. ]keypoints)?", re.DOTALL | re.IGNORECASE
 )
+_BEFORE = re.compile(r"(.*?)(\d{1,18})\D*", re.DOTALL)
+_SECONDS = re.compile(r"(?:.*?[_\-. ])?\d+\.\d+", re.DOTALL)
 _SUFFIX = re.compile(r"\.[A-Za-z][A-Za-z0-9]{0,5}")
 _PREDICTIONS = re.compile(r"(?:\.(?:jpe?g|png|bmp))?\.predictions", re.IGNORECASE)
 
@@ -63,8 +65,10 @@ def clips_in(folder: Path, suffix: str) -> dict[str, list[tuple[int, Path]]]:
         `E_KEYPOINTS_LIMIT`, `E_KEYPOINTS_UNREADABLE`.
     """
     found: dict[str, list[tuple[int, Path]]] = {}
+    decimals = True
     try:
         for count, (name, number, path) in enumerate(_files(folder, suffix)):
+            decimals = decimals and bool(_SECONDS.fullmatch(path.name[: -len(suffix)]))
             if count >= MAX_FRAMES:
                 raise KeypointError(
                     f"holds more than {MAX_FRAMES} frames",
@@ -77,19 +81,27 @@ def clips_in(folder: Path, suffix: str) -> dict[str, list[tuple[int, Path]]]:
         raise KeypointError(
             f"cannot be listed: {error.strerror}", subject=printable(folder), code="E_KEYPOINTS_UNREADABLE"
         ) from error
+    if found and decimals:
+        raise KeypointError(
+            f"has files whose names are decimal numbers, as {path.name[:40]}, and no numbers of frames",
+            subject=printable(folder),
+            remedy="names with whole numbers, as 0012.json, and --set keypoints.fps=…",
+            code="E_KEYPOINTS_FORMAT",
+        )
     if len(found) > 1 and len({number for clip in found.values() for number, _ in clip}) == 1:
         found = _by_number_before(found)
     return {name: sorted(found[name]) for name in sorted(found)}
 
 
 def _by_number_before(found: dict[str, list[tuple[int, Path]]]) -> dict[str, list[tuple[int, Path]]]:
-    """Clips of one frame each, all of the same number, by the number before it: ``cam2_0007_1.json``."""
+    """Clips of one frame each, all of the same number, by the one before: ``cam2_0007_1``, ``f7_of_90``."""
     out: dict[str, list[tuple[int, Path]]] = {}
     for name, frames in found.items():
-        numbered = number_in(name)
+        numbered = _BEFORE.fullmatch(name)
         if numbered is None:
             return found
-        out.setdefault(numbered[0], []).extend((numbered[1], path) for _, path in frames)
+        clip = numbered[1].rstrip("(_-. /\\")
+        out.setdefault(clip, []).extend((int(numbered[2]), path) for _, path in frames)
     return out
 
 

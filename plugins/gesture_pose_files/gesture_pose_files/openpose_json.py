@@ -10,12 +10,13 @@ from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import PoseSequence
 from gesture_pose_files.clip import Clip
 from gesture_pose_files.files import MAX_JSON_BYTES
-from gesture_pose_files.json_people import Found, people_in
+from gesture_pose_files.json_people import Found, is_one, landmarks_of, people_in
 from gesture_pose_files.json_text import kind_of, load
 from gesture_pose_files.numbering import clip_in, clips_in, some_files
 from gesture_pose_files.reader import Reader
 
 _LOOKED_AT = 3
+_ONE_FRAME_BYTES = 1 << 16
 # Of OpenPose's own networks; of 17, 26 and 133 joints in its frame, the order is what other tools use.
 _SAID = (15, 18, 25, 127, 130, 137)
 _EXPECTED = "frames such as wave_000000000000_keypoints.json or 0001.json, each with a list 'people'"
@@ -69,7 +70,13 @@ def _looks_like_frame(path: Path) -> bool:
         kind = kind_of(path)
     except KeypointError:
         return True
-    return kind == "frame" or (kind == "other" and path.name.lower().endswith("_keypoints.json"))
+    if kind == "frame" or (kind == "other" and path.name.lower().endswith("_keypoints.json")):
+        return True
+    try:
+        tree = load(path, _ONE_FRAME_BYTES) if kind == "other" else None
+        return bool(landmarks_of(tree)) or is_one(tree)
+    except KeypointError:
+        return False
 
 
 def _frame(file: Path, options: ReadOptions) -> Found | KeypointError:

@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gesture_core.errors import KeypointError
+from gesture_core.joint_names import joint_named, words_of
 from gesture_core.types import Person
-from gesture_pose_files.table import number_in
+from gesture_pose_files.people import near
+from gesture_pose_files.table import number_in, seconds_in
 
 # Rows of one time that lie further apart, in sizes of the body, are those of several people.
 _APART = 0.25
@@ -140,6 +142,93 @@ def by_person(rows: Rows, cells: Sequence[str] | None, source: str) -> tuple[lis
     found = [replace(rows.take(np.flatnonzero(column == name)), name=name) for name in known]
     nobody = (column == "") & np.isfinite(rows.points).any(axis=(1, 2))
     return found, [f"{int(nobody.sum())} rows of no person left out"] if nobody.any() else []
+
+
+def by_index(
+    indices: Sequence[Sequence[str]], source: str, *, several: bool = False
+) -> tuple[np.ndarray | None, np.ndarray | None, list[str]]:
+    """What the columns that number the rows tell: times (N,), the order (N,) of the rows, and notes.
+
+    Whole numbers that ascend tell nothing, as some rows may have been left out before; in another order
+    they say in which the rows were. Fractions, clocks and dates are times.
+
+    Raises
+    ------
+    KeypointError
+        `E_KEYPOINTS_FORMAT` where they repeat and no column tells ``several`` people apart, or name joints.
+    """
+    for cells in indices:
+        values = [seconds_in(cell) for cell in cells]
+        named = [cell for cell in cells if joint_named("_".join(words_of(cell)[:-1]))]
+        if len(named) > len(cells) / 2:
+            raise KeypointError(
+                f"has its joints in rows, as {named[0].strip()[:40]!r}, and its frames in columns",
+                subject=source,
+                remedy="the table turned: a row for each frame",
+                code="E_KEYPOINTS_FORMAT",
+            )
+        if len(values) < _FEWEST or values.count(None) > len(values) / 2:
+            continue
+        if None in values:
+            raise KeypointError(
+                f"its row {cells[values.index(None)].strip()[:40]!r} has no number, as others have",
+                subject=source,
+                remedy="rows of frames alone, without sums and means",
+                code="E_KEYPOINTS_FORMAT",
+            )
+        index = np.array(values, np.float64)
+        if np.isnan(index).any() or (index == index[0]).all():
+            continue
+        if (index % 1 != 0).any():
+            return index, None, []
+        steps = np.diff(index)
+        if (steps > 0).all():
+            continue
+        if len(np.unique(index)) == len(index):
+            return None, np.argsort(index), ["rows sorted by their index"]
+        if not several:
+            value, times = Counter(values).most_common(1)[0]
+            raise KeypointError(
+                f"the numbers of its rows repeat: {value:g} stands in {times} of them: "
+                "several people or clips, and no column tells them apart",
+                subject=source,
+                remedy=_ONE_EACH,
+                code="E_KEYPOINTS_FORMAT",
+            )
+    return None, None, []
+
+
+def following(groups: Sequence[Rows]) -> tuple[list[Rows], list[str]]:
+    """The people, the one who is seen most with others who begin where that one was last seen, and a note.
+
+    A tracker that loses somebody gives another number afterwards.
+    """
+    if any(one.key is None for one in groups):
+        return [*groups], []
+    ordered = sorted(groups, key=lambda one: -np.isfinite(one.points).all(axis=2).sum())
+    joined, left = ordered[0].take(np.argsort(_key(ordered[0]), kind="stable")), []
+    for other in ordered[1:]:
+        one = other.take(np.argsort(_key(other), kind="stable"))
+        pair = (joined, one) if _key(one)[0] > _key(joined)[-1] else (one, joined)
+        meets = _key(pair[1])[0] > _key(pair[0])[-1] and near(pair[0].points[-1], pair[1].points[0])
+        if meets:
+            joined = replace(
+                joined,
+                values=np.concatenate([part.values for part in pair]),
+                times=None if joined.times is None else np.concatenate([part.times for part in pair]),
+                numbers=None if joined.numbers is None else np.concatenate([part.numbers for part in pair]),
+                place=np.concatenate([part.place for part in pair]),
+            )
+        else:
+            left.append(other)
+    count = len(groups) - len(left)
+    notes = [f"{count} people or tracks that follow one another taken as one"] if count > 1 else []
+    return [joined, *left], notes
+
+
+def _key(rows: Rows) -> np.ndarray:
+    assert rows.key is not None
+    return rows.key
 
 
 def by_joint(rows: Rows, labels: Sequence[str], where: Mapping[str, int], joints: int, source: str) -> Rows:

@@ -98,12 +98,12 @@ def _joined(found: list[Track]) -> Track:
     for other, other_scores in found[1:]:
         seen, also = _span(scores), _span(other_scores)
         if also[0] > seen[1]:
-            near = _near(points[seen[1]], other[also[0]])
+            meet = near(points[seen[1]], other[also[0]])
         elif also[1] < seen[0]:
-            near = _near(points[seen[0]], other[also[1]])
+            meet = near(points[seen[0]], other[also[1]])
         else:
             continue
-        if near:
+        if meet:
             points[also[0] : also[1] + 1] = other[also[0] : also[1] + 1]
             scores[also[0] : also[1] + 1] = other_scores[also[0] : also[1] + 1]
     return points, scores
@@ -114,7 +114,7 @@ def _span(scores: np.ndarray) -> tuple[int, int]:
     return (int(seen[0]), int(seen[-1])) if len(seen) else (0, len(scores) - 1)
 
 
-def _near(one: np.ndarray, two: np.ndarray) -> bool:
+def near(one: np.ndarray, two: np.ndarray) -> bool:
     """Whether two poses overlap: their joints are no further apart than the larger body's extent."""
     common = ~np.isnan(one[:, 0]) & ~np.isnan(two[:, 0])
     if not common.any():

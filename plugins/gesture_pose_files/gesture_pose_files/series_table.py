@@ -16,12 +16,11 @@ from gesture_core.files import printable
 from gesture_pose_files.files import MAX_CSV_BYTES, MAX_FRAMES, open_keypoints
 from gesture_pose_files.table import (
     MAX_LINE,
-    cells_of,
+    lines_above,
     number_in,
     numbers_of,
     rows_of,
     seconds_in,
-    separator,
     split_header,
 )
 
@@ -144,29 +143,10 @@ def open_table(path: Path) -> Iterator[tuple[int, list[str] | None, Iterator[lis
 
 
 def _lines_above(path: Path) -> int:
-    """Lines before the header of a table: a title, remarks, facts about the device.
-
-    A table is what lasts to the end of the lines that are looked at with one number of cells; its header may
-    have one more or less, which is another fault. Rows of a table that is broken by another line stay.
-    """
+    """Lines before the header of a table: a title, remarks, facts about the device."""
     with open_keypoints(path, MAX_CSV_BYTES) as file:
         read = islice(iter(lambda: file.readline(MAX_LINE), b""), _ABOVE)
-        lines = [line.decode("utf-8-sig", "replace").strip("\r\n") for line in read]
-    while lines and not lines[-1].strip(" "):
-        lines.pop()
-    if not lines:
-        return 0
-    mark = separator(lines[-1])
-    widths = [len(cells_of(line, mark)) if line.strip(" ") else 0 for line in lines]
-    width, start = widths[-1], len(lines)
-    while start and widths[start - 1] in (0, width):
-        start -= 1
-    above = start
-    if start and width > 2 and abs(widths[start - 1] - width) == 1:
-        above -= 1
-    while above < len(lines) and not widths[above]:
-        above += 1
-    return above if len(lines) - start >= _ALIKE and width not in widths[:start] else 0
+        return lines_above([line.decode("utf-8-sig", "replace").strip("\r\n") for line in read])
 
 
 def _dates(cells: Sequence[str]) -> np.ndarray | None:

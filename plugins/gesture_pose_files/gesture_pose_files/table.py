@@ -22,12 +22,25 @@ _MOST_HEADS = 6
 _LOOKED_AT = 8
 _NAMES_ITS_SEPARATOR = re.compile(r'"?sep=(.|\\t)"?', re.IGNORECASE)
 _FEWEST = 20  # columns of a bare table
-_THOUSANDS = re.compile(r"-?[0-9]{1,3}(,[0-9]{3})+\.[0-9]+")
+# 1,024.5 and 1.024,5; 1 024,5 and 1'024. What 1,024 is, its neighbours say.
+_THOUSANDS = re.compile(
+    r"[+-]?[0-9]{1,3}(?:(?:,[0-9]{3})+\.[0-9]+|(?:\.[0-9]{3})+,[0-9]+"
+    r"|(?:[ '\u2019\u00a0\u202f][0-9]{3})+(?:[.,][0-9]+)?)"
+)
 _CLOCK = re.compile(
     r"(?:(\d+) days? )?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+|:\d{3})?)(?:\s*([ap])\.?m\.?)?", re.I
 )
-_MISSING = frozenset(("", "nan", "-nan", "none", "null", "na", "n/a", "#n/a", "<na>", "nil", "-", "--", "."))
+_MISSING = frozenset(
+    "|nan|-nan|none|null|na|n/a|n.a.|#n/a|#nv|<na>|nil|-|--|.|?|1.#qnan|1.#ind|-1.#ind".split("|")
+)
+UNITS = dict.fromkeys(("px", "pixel", "pixels"), "pixels") | dict.fromkeys(
+    ("m", "mm", "cm", "metre", "metres", "meter", "meters", "millimeters", "millimetres"), "metres"
+)
+"""Of coordinates, as headers say them, and what ``keypoints.unit`` calls them."""
+_NO_UNIT = ("", "-", "1")
 _MAX_ROWS = MAX_FRAMES * 64
+_ALIKE = 3
+"""Rows of one width that show a table."""
 
 
 def rows_of(file: IO[bytes], source: str, mark: str = "") -> Iterator[list[str]]:
@@ -84,15 +97,19 @@ def separator(line: str) -> str:
 
 
 def split_header(
-    rows: Iterable[list[str]], known: Callable[[list[str]], object | None], *, units: bool = False
+    rows: Iterable[list[str]],
+    known: Callable[[list[str]], object | None],
+    *,
+    units: bool = False,
+    index: list[str] | None = None,
 ) -> tuple[list[str] | None, Iterator[list[str]]]:
     """The names of the columns, None where there are none, and the rows below them.
 
     A first row that only counts the columns, as data-frame libraries write it, is a header that names
     nothing. Names may take several rows, as one for joints and one for x and y: as many as it takes until
     they are ``known``. With ``units`` the last of these may be one of units. A title, which is shorter than
-    the rows below, is no name, and empty rows before a table without names are frames in which nobody was
-    found.
+    the rows below, is no name; ``index`` takes what numbers the rows before columns without names; empty
+    rows before a table without names are frames in which nobody was found.
     """
     rest = iter(rows)
     heads: list[list[str]] = []
@@ -104,16 +121,67 @@ def split_header(
                 break
             continue
         if not heads and (shift := counting(cells)) is not None:
-            return None, (row[shift:] for row in rest)
+            return None, _indexed(rest, shift, index)
         if _is_data(cells) or len(heads) == _MOST_HEADS:
             heads = [head for head in heads if len(head) == len(cells)]
             return _joined(heads, units=units), chain([] if heads else empty, [cells], rest)
         heads.append(cells)
         alike = [head for head in heads if len(head) == len(cells)]
         if known(_joined(alike) or []) is not None:
-            heads = alike
-            break
+            return _without_remarks(_joined(alike) or [], len(alike), rest)
     return _joined(heads, units=units), rest
+
+
+def _indexed(rows: Iterator[list[str]], shift: int, index: list[str] | None) -> Iterator[list[str]]:
+    for row in rows:
+        if index is not None:
+            index += row[:shift]
+        yield row[shift:]
+
+
+def _without_remarks(
+    names: list[str], heads: int, rows: Iterator[list[str]]
+) -> tuple[list[str], Iterator[list[str]]]:
+    """The names, with units where the row below says some, and the rows without it.
+
+    Such a row may also be the header once more, or the name of the index below a header of several rows.
+    """
+    first = next(rows, [])
+    cells = [cell.strip() for cell in first]
+    units = [re.sub(r"[\[\]() ]", "", cell).casefold() for cell in cells]
+    if cells == [name.strip() for name in names]:
+        return names, rows
+    known = [unit in UNITS or unit in _NO_UNIT or is_unit(unit) for unit in units]
+    if len(cells) == len(names) and all(known) and any(unit in UNITS for unit in units):
+        pairs = zip(names, units, strict=True)
+        return [name if unit in _NO_UNIT else f"{name} [{unit}]" for name, unit in pairs], rows
+    if heads > 1 and cells[:1] != [""] and not any(cells[1:]) and number_in(cells[0]) is None:
+        return names, rows
+    return names, chain([first] if first else [], rows)
+
+
+def lines_above(lines: Sequence[str]) -> int:
+    """How many of the first lines stand before the header of a table: a title, remarks, facts.
+
+    A table is what lasts to the end of the lines that are looked at with one number of cells; its header may
+    have one more or less, which is another fault. Rows of a table that is broken by another line stay.
+    """
+    lines = list(lines)
+    while lines and not lines[-1].strip(" "):
+        lines.pop()
+    if not lines:
+        return 0
+    mark = separator(lines[-1])
+    widths = [len(cells_of(line, mark)) if line.strip(" ") else 0 for line in lines]
+    width, start = widths[-1], len(lines)
+    while start and widths[start - 1] in (0, width):
+        start -= 1
+    above = start
+    if start and width > 2 and abs(widths[start - 1] - width) == 1:
+        above -= 1
+    while above < len(lines) and not widths[above]:
+        above += 1
+    return above if len(lines) - start >= _ALIKE and width not in widths[:start] else 0
 
 
 def numbers_of(
@@ -161,6 +229,7 @@ def numbers_of(
             raise KeypointError(
                 f"row {number} has {len(cells)} cells, the first line has {width}",
                 subject=source,
+                remedy="a cell for each column in every row, and no remarks between or below them",
                 code="E_KEYPOINTS_FORMAT",
             )
         values = np.full(width, np.nan)
@@ -186,6 +255,25 @@ def numbers_of(
     return (np.stack(table) if table else np.zeros((0, width))), texts
 
 
+def refuse_thousands(table: np.ndarray, source: str) -> None:
+    """Refuse columns of 950 and 1.024, in which the point, or the comma, separates thousands."""
+    found = np.where(np.isfinite(table), table, 0)
+    cut = found * 1000
+    whole = (found >= 100) & (found < 1000) & (found == np.round(found))
+    small = (found > 1) & (found < 10) & (np.abs(cut - np.round(cut)) < 1e-6)
+    odd = ~whole & ~small & (found != 0)
+    doubted = whole.any(axis=0) & (small & (found != np.round(found))).any(axis=0) & ~odd.any(axis=0)
+    if doubted.any():
+        column = int(np.flatnonzero(doubted)[0])
+        one, other = (found[place[:, column], column][0] for place in (whole, small))
+        raise KeypointError(
+            f"a column holds {one:g} and {other:.3f}, which may be {other * 1000:g}",
+            subject=source,
+            remedy="numbers without separators of thousands",
+            code="E_KEYPOINTS_FORMAT",
+        )
+
+
 def number_in(cell: str) -> float | None:
     """The number in a cell, with a decimal comma or point; NaN where it says that there is none; or None."""
     text = cell.strip()
@@ -194,7 +282,9 @@ def number_in(cell: str) -> float | None:
     if "_" in text:  # Python reads 0_1 as 1
         return None
     if _THOUSANDS.fullmatch(text):
-        text = text.replace(",", "")
+        point = max(text.rfind("."), text.rfind(","))
+        whole, part = (text[:point], text[point + 1 :]) if point > 0 else (text, "")
+        text = re.sub("[^0-9+-]", "", whole) + f".{part}"
     if text.count(",") == 1 and "." not in text:
         text = text.replace(",", ".")
     try:
@@ -234,7 +324,7 @@ def counting(cells: Sequence[str]) -> int | None:
     if len(numbered) < _FEWEST:
         return None
     prefix = numbered[0].rstrip("0123456789.")
-    if prefix.casefold() in ("x", "y") or not all(cell.startswith(prefix) for cell in numbered):
+    if not all(cell.startswith(prefix) for cell in numbered):
         return None
     values = [number_in(cell.removeprefix(prefix)) for cell in numbered]
     return shift if any(values == list(range(start, start + len(values))) for start in (0, 1)) else None
