@@ -30,7 +30,7 @@ class VideoLimits:
     """
 
     max_pixels: int = 64_000_000
-    max_frames: int = 200_000
+    max_frames: int = 650_000
     max_seconds: float = 6 * 3600.0
     max_streams: int = 64
 

@@ -151,7 +151,9 @@ def test_an_option_of_a_plugin_that_takes_no_part_is_refused_by_those_who_ask() 
         check_option("gaussian:wide.sigma", load(), "--set")
 
 
-@pytest.mark.parametrize("text", ["1920x1080", "1920,1080", "[1920,1080]", "[1920, 1080]", "1920 x 1080"])
+@pytest.mark.parametrize(
+    "text", ["1920x1080", "1920X1080", "1920×1080", "1920,1080", "[1920,1080]", "[1920, 1080]", "1920 x 1080"]
+)
 def test_a_frame_size_in_every_form(text: str) -> None:
     for key in ("keypoints.frame_size", "frame_size"):
         assert load(f"{key}={text}").keypoints.frame_size == (1920, 1080)

@@ -8,7 +8,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from gesture_core.cli.flags import SEVERAL, UNSAID, Flags, PoseFlags, RunFlags, Sources
+from gesture_core.cli.flags import SEVERAL, UNSAID, Flags, PoseFlags, RunFlags, Sources, SpotFlags
 from gesture_core.cli.output import (
     counted,
     mirroring_hint,
@@ -70,7 +70,7 @@ def spot(
     calibrate: Annotated[tuple[str, ...], SEVERAL, UNSAID] = (),
     labels: str = "folder",
     label_columns: Annotated[str, UNSAID] = "",
-    flags: Flags | None = None,
+    flags: SpotFlags | None = None,
     run: RunFlags | None = None,
 ) -> int:
     """Find the example gestures in long recordings: a row for every event.
@@ -251,10 +251,10 @@ def _warnings(summary: RunSummary) -> list[str]:
     elif summary.inputs_among_examples:
         number = summary.inputs_among_examples
         found.append(f"{number} inputs are among the examples themselves: their labels are no result")
-    if summary.refused >= max(summary.counts.get("ok", 0), 1):
-        from gesture_core.run.rows import NEARER
-
-        found.append(f"{counted(summary.refused, 'candidate')} farther than the thresholds; try: {NEARER}")
+    refused, events = len(summary.refused), summary.counts.get("ok", 0)
+    if refused >= max(events, 1) and (events or sum(summary.counts.values()) > 1):  # one row says it itself
+        hint = f"; try: {summary.nearer}" if summary.nearer else ""
+        found.append(f"{counted(refused, 'candidate')} farther than the thresholds{hint}")
     if summary.lost_classes:
         lost = ", ".join(summary.lost_classes)
         found.append(f"no example of {lost} can be used: no input gets such a label")

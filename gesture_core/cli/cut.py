@@ -26,8 +26,8 @@ def cut(
 ) -> int:
     """Write the events of a run as clips, in a folder for each label.
 
-    Videos become H.264 (needs PyAV), inputs of keypoints keypoint files. Both can be examples. A clip that is
-    there is left as it is.
+    Videos become H.264 (needs PyAV), keypoints and channels Parquet files. All can be examples. A clip that
+    is there is left as it is.
 
     Parameters
     ----------

@@ -45,20 +45,24 @@ def find(
         found = search(clip, sources, settings, top=top, workers=workers, listener=listener)
     if sys.stdout.isatty():
         print_table(
-            ["input", "person", "start", "end", "distance"],
+            ["input", "start", "end", "distance"],
             [
-                [hit.input, str(hit.person), f"{hit.start:.2f}", f"{hit.end:.2f}", f"{hit.distance:.3f}"]
+                [
+                    hit.input + (f" #{hit.person}" if hit.person else ""),
+                    *(f"{value:.2f}" for value in (hit.start, hit.end)), f"{hit.distance:.3f}",
+                ]
                 for hit in found.hits
             ],
-            right=["person", "start", "end", "distance"],
-        )
+            right=["start", "end", "distance"],
+        )  # fmt: skip
     else:
         for hit in found.hits:
             print(json.dumps(asdict(hit), ensure_ascii=False))
     if not quiet:
         notes = {text: list(found.notes.values()).count(text) for text in found.notes.values()}
         if sys.stderr.isatty():
-            searched = f"{counted(found.inputs, 'recording')} of {counted(found.frames, 'frame')}"
+            what = "sample" if found.of_channels else "frame"
+            searched = f"{counted(found.inputs, 'recording')} of {counted(found.frames, what)}"
             say(f"{counted(len(found.hits), 'place')} in {searched}")
             say_notes(notes)
             for name, (code, message) in found.failed.items():

@@ -96,13 +96,20 @@ class KernelFlags(PoseFlags):
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Flags(KernelFlags):
-    """Those of commands that give labels as well."""
+class SpotFlags(KernelFlags):
+    """Those of commands that find events as well."""
 
     neighbors: Annotated[
         Whole | None,
         Parameter(help=f"How many of the nearest examples vote; 0: all examples decide. {_BY_PRESET}"),
     ] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Flags(SpotFlags):
+    """Those of commands that give labels as well."""
+
     reject: Annotated[
         str | None,
         Parameter(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from gesture_core.cli.flags import SEVERAL, UNSAID, Flags
+from gesture_core.cli.flags import SEVERAL, UNSAID, SpotFlags
 from gesture_core.cli.output import counted, named, say, say_event, warnings_as_lines
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import printable
@@ -35,7 +35,7 @@ def watch(
     as_live: Annotated[bool, UNSAID] = False,
     webhook: Annotated[str, UNSAID] = "",
     preview: Annotated[bool, UNSAID] = False,
-    flags: Flags | None = None,
+    flags: SpotFlags | None = None,
     quiet: Annotated[bool, UNSAID] = False,
 ) -> int:
     """Find the example gestures in a live source as they happen; Ctrl-C ends it.
@@ -62,11 +62,12 @@ def watch(
     """
     from gesture_core.cli.progress import progress
     from gesture_core.run.watch import Watching, Webhook
+    from gesture_core.spot.sources import ADDRESSES, Camera
     from gesture_core.spot.watch import Seen
 
     if not examples:
         raise ConfigError("--examples needs a value", remedy="--examples FOLDER", code="E_OPTION")
-    settings = (flags or Flags()).settings()
+    settings = (flags or SpotFlags()).settings()
     with ExitStack() as open_things:
         show = _Screen(quiet)
         hook = open_things.enter_context(Webhook(webhook, show.note)) if webhook else None
@@ -77,7 +78,8 @@ def watch(
             page = open_things.enter_context(Preview())
             on_frame = page.show
             say(f"preview: {page.address}")
-        with progress([source], examples, quiet=quiet) as listener, warnings_as_lines(events=True):
+        named_source = Camera(source).name if source.lower().startswith(ADDRESSES) else source
+        with progress([named_source], examples, quiet=quiet) as listener, warnings_as_lines(events=True):
             watching = open_things.enter_context(
                 Watching(source, examples, settings, labels, as_live, listener, on_frame)
             )

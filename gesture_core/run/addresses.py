@@ -44,6 +44,7 @@ _FOLDERS: set[str] = set()
 """Of what this process has fetched, which end with it."""
 _LINK = re.compile(r"::(?=[A-Za-z][\w+.-]*://)")
 """What chains two addresses; any other ``::`` is part of a name."""
+_USER = re.compile("://[^/]*@")
 _QUERY = re.compile(r"(://[^\s'\"?]*)\?[^\s'\"]+")
 
 
@@ -74,18 +75,17 @@ def is_address(source: object) -> bool:
 
 
 def shown(address: str) -> str:
-    """An address as it may be printed and kept: without a query, which may be a signature."""
+    """An address as it may be printed and kept: without a password, or a query, which may be a signature."""
     if not is_address(address):
         return printable(address)
     return printable("::".join(_parted(part)[0] for part in _LINK.split(address)))
 
 
 def _parted(part: str) -> tuple[str, str]:
-    """A part of an address without its query, and that."""
-    if part.partition("://")[0] in _NO_QUERY:
-        return part, ""
-    plain, _, query = part.partition("?")
-    return plain, query
+    """A part of an address without its query, name and password, and that query."""
+    kind = part.partition("://")[0]
+    plain, _, query = (part, "", "") if kind in _NO_QUERY else part.partition("?")
+    return plain if kind in _NO_SERVER else _USER.sub("://", plain), query
 
 
 def local_path(source: str) -> str:
@@ -283,7 +283,7 @@ def _open(address: str) -> tuple[Any, str]:
         server = rest.partition("/")[0]
         if "@" in server and kind not in _NO_SERVER:
             raise InputError(
-                "holds a name or password", subject=shown(address.replace(server, server.rpartition("@")[2])),
+                "holds a name or password", subject=shown(address),
                 remedy="an address without it, and the configuration of the library (for S3: AWS_PROFILE)",
                 code="E_SOURCE",
             )  # fmt: skip

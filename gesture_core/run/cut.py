@@ -22,6 +22,7 @@ from gesture_core.run.store import write_keypoints
 from gesture_core.run.workers.clips import SAME
 from gesture_core.run.workers.engines import perform_all
 from gesture_core.settings import Settings, settings_from_dict
+from gesture_core.types import Recording
 
 _ODD = re.compile(r"[^\w .=@+-]")
 _LONGEST = 150
@@ -35,8 +36,8 @@ class Clip:
     Attributes
     ----------
     file : Path
-        ``<out>/<label>/<input>_<start>-<end>.mp4``, or ``.parquet`` for an input of keypoints; the times are
-        those of the clip in the recording, with the margin.
+        ``<out>/<label>/<input>_<start>-<end>.mp4``, or ``.parquet`` for keypoints and channels; the times
+        are those of the clip in the recording, with the margin.
     label, input : str
     person, event : int
         As in the row.
@@ -78,7 +79,7 @@ def cut_events(
     """Write what a run has labelled as clips, in a folder for each label: `gesture cut` as a function.
 
     Videos are decoded again, by the run's settings, and re-encoded as H.264: a clip has every frame from
-    the start of its event to the end. Of inputs of keypoints, the clips are keypoint files. Either can be an
+    the start of its event to the end. Of keypoints and channels, the clips are Parquet files. Each can be an
     example. No file is overwritten.
 
     Parameters
@@ -127,13 +128,10 @@ def cut_events(
     cuttable = [row for row in rows if row.label is not None and row.start is not None]
     wanted = [row for row in cuttable if label is None or row.label == label]
     if not wanted:
-        raise _nothing(Path(run), label, {str(row.label) for row in cuttable})
+        raise _nothing(
+            Path(run), label, {str(row.label) for row in cuttable}, "spot" in configuration["settings"]
+        )
     settings = settings_from_dict(configuration["settings"])
-    if settings.signals.input == "channels":
-        raise InputError(
-            "is of channels, and clips are cut out of videos and keypoints alone",
-            subject=str(run), code="E_MIXED",
-        )  # fmt: skip
     names = {row.input for row in wanted}
     inputs = find_inputs({name: places[name] for name in places if name in names}, settings)
     videos = any(isinstance(item, Input) and item.kind == "video" for item in inputs.values())
@@ -191,7 +189,8 @@ class _Work:
                     pose, begin, end = poses[0], clip.start - self.margin, clip.end + self.margin
                     own = pose.part((pose.times >= begin - SAME) & (pose.times <= end + SAME))
                     times = own.times - own.times[0]
-                    own = replace(own, times=times, person=0)
+                    own = replace(own, times=times)
+                    own = own if isinstance(own, Recording) else replace(own, person=0)
                     frames = len(times)
                     facts: dict[str, Any] = {
                         "frames_declared": None, "frames_read": frames, "frames_looked_at": frames,
@@ -251,7 +250,7 @@ def _failed(clip: Clip, error: GestureError) -> Clip:
     return replace(clip, status="error", code=error.code, message=error.reason)
 
 
-def _nothing(run: Path, label: str | None, labels: set[str]) -> GestureError:
+def _nothing(run: Path, label: str | None, labels: set[str], spotted: bool) -> GestureError:
     if label is not None and labels:
         some = ", ".join(sorted(labels)[:10])
         return InputError(
@@ -260,7 +259,9 @@ def _nothing(run: Path, label: str | None, labels: set[str]) -> GestureError:
     return RunFolderError(
         "no row of the run has a label and a time",
         subject=str(run),
-        remedy="gesture spot, then this command",
+        remedy="a larger --set spot.tolerance=…"
+        if spotted
+        else "a run that gives labels: of gesture classify for clips, of gesture spot for long recordings",
         code="E_EMPTY",
     )
 

@@ -45,7 +45,8 @@ class Findings:
     notes : dict
         What of a recording was not searched, by its name.
     frames, warped : int
-        Frames of people that were searched, and those of them that no bound could rule out.
+        Frames of people, or samples of channels, that were searched, and those that no bound could rule out.
+    of_channels : bool
     """
 
     hits: list[Hit] = field(default_factory=list)
@@ -54,6 +55,7 @@ class Findings:
     notes: dict[str, str] = field(default_factory=dict)
     frames: int = 0
     warped: int = 0
+    of_channels: bool = False
 
 
 def find(
@@ -128,7 +130,7 @@ def find(
         raise InputError(f"holds no recording{why}", subject=", ".join(sources), code="E_EMPTY")
     stream_chain(ready)  # refuses settings under which nothing can be found, before anything is extracted
     query = _query(clip, ready, listener)
-    found = Findings(failed=failed)
+    found = Findings(failed=failed, of_channels=ready.signals.input == "channels")
     with _Workers(query, ready, top, workers or usable_cores()) as search:
         waiting: list[tuple[Input, Extracted]] = []
         for item, extracted in extract_all(readable, ready, workers=workers, listener=listener):

@@ -28,7 +28,7 @@ from gesture_core.run.inputs import Input
 from gesture_core.run.labels import label_folders, word
 from gesture_core.run.plan import Plan, RunRequest, check_out, make_plan
 from gesture_core.run.results import Results, open_results, run_folder
-from gesture_core.run.rows import contradicting_row, rows_of, unread_row
+from gesture_core.run.rows import contradicting_row, nearer, rows_of, unread_row
 from gesture_core.run.store import Extracted, keypoint_store, prune
 from gesture_core.run.workers.engines import Assistant
 
@@ -75,8 +75,8 @@ class RunSummary:
         Inputs whose content or movement is that of an example: they find themselves.
     gone : int
         Inputs of earlier runs that are not there any more; their rows were removed.
-    refused : int
-        Of what this run spotted: gestures that were farther than their threshold, and so no events.
+    refused, nearer : tuple of float, str
+        Of gestures farther than their threshold: how many times as far; and what would let some of them in.
     """
 
     out: Path
@@ -94,7 +94,8 @@ class RunSummary:
     sided: tuple[str, ...] = ()
     inputs_among_examples: int = 0
     gone: int = 0
-    refused: int = 0
+    refused: tuple[float, ...] = ()
+    nearer: str = ""
 
     @property
     def exit_code(self) -> int:
@@ -173,7 +174,8 @@ def run_archive(request: RunRequest, listener: Listener | None = None) -> RunSum
             sided=tuple(sided_labels(classes)) if plan.settings.classify.mirror is not None else (),
             inputs_among_examples=results.copies({item.sha256 for item in plan.examples} - {""}),
             gone=plan.gone,
-            refused=run.refused,
+            refused=tuple(run.refused),
+            nearer=nearer(run.refused, plan.settings.spot),
         )
 
 
@@ -187,7 +189,7 @@ class _Run:
     frames: int = 0
     assumed: Counter[str] = field(default_factory=Counter)
     notes: Counter[str] = field(default_factory=Counter)
-    refused: int = 0
+    refused: list[float] = field(default_factory=list)
     _longest: float = 0.0
     _warned: bool = False
 
@@ -352,7 +354,7 @@ class _Run:
                 decided |= self._decided(met[start : start + together])
         for item, found in batch:
             predictions, attempts = decided.get(item.key, (None, 1))
-            self.refused += sum([one.get("refused", 0) for one in predictions or ()])
+            self.refused += [times for one in predictions or () for times in one.get("refused", ())]
             found = replace(found, attempts=max(found.attempts, attempts))
             if found.people and not found.code and self.plan.files:
                 try:
@@ -360,7 +362,8 @@ class _Run:
                 except FileNotFoundError:
                     gone = "its keypoints are gone from the store"
                     found = found.failed(KeypointError(gone, remedy="--retry-errors", code="E_STORE"))
-            self._commit(item, rows_of(item, found, predictions, self.plan.fingerprint), found.stamp)
+            mark, spot = self.plan.fingerprint, self.plan.settings.spot
+            self._commit(item, rows_of(item, found, predictions, mark, spot), found.stamp)
 
     def _decided(
         self, some: Sequence[tuple[Input, Extracted]], *, alone: bool = False

@@ -112,10 +112,12 @@ def make_plan(request: RunRequest, results: Results, assistant: Assistant) -> Pl
         settings (E_CONFIG_CHANGED). The results are as they were.
     """
     settings, shard = request.settings, None
-    if request.spot and settings.spot.live:
-        from gesture_core.spot.signals import refuse_channels
+    if request.spot:
+        from gesture_core.spot.signals import refuse_channels, refuse_limits
 
-        refuse_channels(settings)
+        refuse_limits(settings)
+        if settings.spot.live:
+            refuse_channels(settings)
     if request.shard:
         from gesture_core.run.shards import Shard
 

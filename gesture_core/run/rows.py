@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -11,6 +12,7 @@ from gesture_core.errors import Code, InputError
 from gesture_core.records import Event, Prediction, Row
 from gesture_core.run.inputs import FRAMES, PICTURE_SUFFIXES, Input
 from gesture_core.run.store import Extracted
+from gesture_core.settings.schema import SpotSettings
 
 _READING = frozenset({"E_READ", "E_KEYPOINTS_UNREADABLE"})
 _NOBODY = (
@@ -20,8 +22,8 @@ _NOBODY = (
 _NOBODY_IN_FILE = (
     "--set pose.score=none, or keypoints from another network: the file has no joint that counts"
 )
-NEARER = "a larger --set spot.tolerance=… (or spot.threshold), --calibrate with marked recordings"
-"""What lets more events in."""
+_MORE, _FARTHEST = 5, 3.0
+"""Events that a hint lets in at most, and times their threshold that they are away at most."""
 _FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"
 
 
@@ -63,7 +65,11 @@ def contradicting_row(item: Input, other: Input, fingerprint: str) -> Row:
 
 
 def rows_of(
-    item: Input, found: Extracted, decided: Sequence[dict[str, Any]] | None, fingerprint: str
+    item: Input,
+    found: Extracted,
+    decided: Sequence[dict[str, Any]] | None,
+    fingerprint: str,
+    spot: SpotSettings | None = None,
 ) -> list[Row]:
     """Rows of all people in one input, at least one.
 
@@ -75,6 +81,8 @@ def rows_of(
         The fields of a `Prediction` for each person, or ``events``, a list of the fields of an `Event`; None
         where nothing is decided.
     fingerprint : str
+    spot : SpotSettings, optional
+        By which events were found.
     """
     base = Row(
         item.name,
@@ -104,7 +112,8 @@ def rows_of(
                 base, person=seen.person, start=seen.start, end=seen.end, box=seen.box,
                 frames_with_pose=seen.frames,
             )  # fmt: skip
-            rows += [_with_damage(row, item, found) for row in _event_rows(of_person, item, decided[number])]
+            of_events = _event_rows(of_person, item, decided[number], spot or SpotSettings())
+            rows += [_with_damage(row, item, found) for row in of_events]
             continue
         prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
         code = Code.of(prediction.code)
@@ -133,17 +142,35 @@ def rows_of(
     return rows
 
 
-def _event_rows(base: Row, item: Input, tree: dict[str, Any]) -> list[Row]:
+def nearer(refused: Sequence[float], spot: SpotSettings) -> str:
+    """The setting that would let in some gestures that are so many times as far as their thresholds."""
+    some = [times for times in sorted(refused)[:_MORE] if times <= _FARTHEST]
+    if not some:
+        return ""
+    name, now = "tolerance", spot.tolerance
+    if spot.threshold is not None:
+        name, now = "threshold", spot.threshold
+    needed = some[-1] * now
+    step = 10.0 ** (math.floor(math.log10(needed)) - 1) if needed > 0 else 1.0
+    value = math.ceil(needed / step) * step
+    marked = "" if spot.threshold is not None else ", or --calibrate with marked recordings"
+    return f"--set spot.{name}={value:.2g}, which would let {len(some)} more in{marked}"
+
+
+def _event_rows(base: Row, item: Input, tree: dict[str, Any], spot: SpotSettings) -> list[Row]:
     """A row for each event of one person, or the one that says that there is none."""
     base = replace(base, note="; ".join(filter(None, [base.note, tree["note"]])))
     if not tree["events"]:
-        refused = tree["refused"]
-        times = f", the nearest {tree['least']:.3g} times as far" if refused else ""
-        near = f"{refused} farther than the thresholds{times}; " if refused else ""
+        refused: list[float] = tree["refused"]
+        near = (
+            f"{len(refused)} farther than the thresholds, the nearest {min(refused):.3g} times as far; "
+            if refused
+            else ""
+        )
+        remedies = [nearer(refused, spot), "more examples", "gesture render to see what the network sees"]
         message = (
             f"{item.name}: none of the examples was recognised in {base.seconds:.1f} s; {near}"
-            f"try: {f'{NEARER}, ' if refused else ''}more examples, or gesture render"
-            " to see what the network sees"
+            f"try: {'; '.join(filter(None, remedies))}"
         )
         return [replace(base, status=Code.NO_EVENT.status, code=str(Code.NO_EVENT), message=message)]
     rows = []

@@ -193,9 +193,10 @@ def fit_spotter(
     InputError
         ``E_EXAMPLES`` where none can be used.
     """
-    from gesture_core.spot.signals import refuse_channels, stream_chain
+    from gesture_core.spot.signals import refuse_channels, refuse_limits, stream_chain
 
     refuse_channels(settings)
+    refuse_limits(settings)
     chain = stream_chain(settings)  # refuses settings under which nothing can be found
     sources = as_strings(examples)
     found = [item for item in discover(sources, settings=settings) if item.kind != "other"]

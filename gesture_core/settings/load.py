@@ -300,7 +300,7 @@ def _read(key: str, value: Any, hint: Any, origin: str) -> Any:
     plain = value if hint is str else _toml_value(value)
     for option in options:
         if get_origin(option) is tuple:
-            between = "," if get_args(option)[0] is str else "[,x]"  # 1920x1080 is a pair of numbers too
+            between = "," if get_args(option)[0] is str else "[,xX×]"  # 1920x1080 is a pair of numbers too
             parts = (re.split(between, plain) if plain else ()) if isinstance(plain, str) else plain
             if isinstance(parts, list | tuple):
                 read = []

@@ -301,7 +301,7 @@ class LimitSettings(_Section):
     """
 
     pixels: int = 64_000_000
-    frames: int = 200_000
+    frames: int = 650_000
     seconds: float = 120.0
     memory: int = 4096
     cache: int = 10_240

@@ -30,11 +30,9 @@ COPY = 0.02
 """Distance up to which an example is a copy of another one: the same clip, encoded or cut again."""
 _PART = 0.5
 """Of one example that another must cover for their distance to count."""
-_FALLBACK = 1.0
-"""Threshold where no class has two examples; where there are some, medians were .4 to 2.1."""
-
-_LEAST = 0.25
-"""Least threshold from examples: other gestures are seldom nearer, and clips of one day are too alike."""
+_FEW, _FEW_UNJUDGED = 2.6, 1.1
+"""Over the root of their number, what is usual between the examples of a class at least: clips of one person
+on one day are too alike. More where scores rank events, as what few examples teach is never sure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +139,8 @@ class SpottingExamples:
         if self.calibrated or self.settings.spot.threshold is not None:
             return ""
         return (
-            f"no gesture has two examples that differ: how far an event may be, {_FALLBACK:g}, is a guess; "
-            "try: more examples of each, or --set spot.threshold=…"
+            "no gesture has two examples that differ: how far an event may be is a guess; "
+            "try: more examples of each, or another --set spot.tolerance=…"
         )
 
     @property
@@ -198,28 +196,34 @@ class SpottingExamples:
         """The same with thresholds: what is usual between the examples of a class.
 
         For each example the median distance to the others of its class is taken. The nearest one is often
-        of the same person, and far nearer than anybody else will be; a copy is no other one.
+        of the same person, and far nearer than anybody else will be; a copy is no other one. Few examples say
+        little: then it is a constant over the root of their number, if that is more.
         """
         chosen = self.settings.spot
         within = self.distances_between(alive)
         usual: np.ndarray = np.full(len(self), np.nan)
+        readings: np.ndarray = np.ones(len(self))
         for number, code in enumerate(self.codes):
             others = within[number, (self.codes == code) & (np.arange(len(self)) != number)]
+            readings[number] += (others <= COPY).sum()
             others = others[np.isfinite(others) & (others > COPY)]
             if len(others):
                 usual[number] = np.median(others)
         known = np.isfinite(usual)
-        thresholds: np.ndarray = np.full(len(self.classes), _FALLBACK)
-        if known.any():
-            thresholds[:] = chosen.tolerance * usual[known].mean()
-            for code in range(len(self.classes)):
-                own = usual[known & (self.codes == code)]
-                if len(own) >= _MEMBERS:
-                    thresholds[code] = chosen.tolerance * own.mean()
-            thresholds = np.maximum(thresholds, _LEAST)
+        thresholds: np.ndarray = np.full(len(self.classes), usual[known].mean() if known.any() else 0.0)
+        for code in range(len(self.classes)):
+            own = usual[known & (self.codes == code)]
+            if len(own) >= _MEMBERS:
+                thresholds[code] = own.mean()
+        # Of several copies each counts for a part of one example.
+        count = np.bincount(self.codes, 1 / readings, minlength=len(self.classes))
+        judged = self.recognizer is not None and not self.recognizer.fitted.votes
+        least = chosen.tolerance * (_FEW if judged else _FEW_UNJUDGED) / np.sqrt(count)
+        thresholds = np.maximum(chosen.tolerance * thresholds, least)
+        again = self.again and replace(self.again, thresholds=np.maximum(self.again.thresholds, least))
         if chosen.threshold is not None:
-            thresholds[:] = chosen.threshold
-        return replace(self, thresholds=thresholds, calibrated=bool(known.any()))
+            thresholds[:], again = chosen.threshold, self.again
+        return replace(self, thresholds=thresholds, calibrated=bool(known.any()), again=again)
 
     def distances_between(self, alive: Callable[[], None] = lambda: None) -> np.ndarray:
         """(E, E) distance of the best subsequence of each example (row) to each other one of its class."""

@@ -11,7 +11,7 @@ from gesture_core.classify.balance import balanced
 from gesture_core.classify.comparison import check_alike
 from gesture_core.errors import ConfigError
 from gesture_core.plugin.abilities import StreamStep
-from gesture_core.settings import Settings
+from gesture_core.settings import Settings, load_settings
 from gesture_core.signals.chain import Chain
 from gesture_core.skeletons import COCO18
 from gesture_core.types import PoseSequence, Recording, Signals
@@ -25,6 +25,23 @@ def refuse_channels(settings: Settings) -> None:
             remedy="gesture spot, without --set spot.live=true, with the recording as a file",
             code="E_OPTION",
         )
+
+
+def refuse_limits(settings: Settings) -> None:
+    """Raise E_OPTION for limits on the labels of clips: no event would be another one under them."""
+    asked = settings.classify
+    limits = {
+        "reject": None if asked.reject == load_settings(environment={}).classify.reject else asked.reject,
+        "reject_sd": asked.reject_sd, "margin": asked.margin, "min_score": asked.min_score,
+        "confidence": asked.confidence,
+    }  # fmt: skip
+    for name, value in limits.items():
+        if value is not None:
+            raise ConfigError(
+                f"classify.{name} = {value:g} is for the labels of clips, and says nothing about events",
+                remedy=f"--set classify.{name}=none; for events --set spot.tolerance=… or spot.threshold=…",
+                code="E_OPTION",
+            )
 
 
 def stream_chain(settings: Settings) -> Chain:

@@ -120,17 +120,20 @@ class Camera:
             capture = cv2.VideoCapture(self.address, cv2.CAP_FFMPEG, options)
         try:
             if not capture.isOpened():
-                remedy = "its cable, number or address"
+                remedy = (
+                    "its cable or number" if isinstance(self.address, int) else "its address and password"
+                )
                 raise InputError("cannot be opened", subject=self.name, remedy=remedy, code="E_SOURCE")
 
             def give() -> np.ndarray | None:
                 done, picture = capture.retrieve()
                 return picture if done else None
 
-            while capture.grab():
-                now = self.clock()
+            asked = self.clock()
+            while capture.grab() and (now := self.clock()) - asked < TIMEOUT:  # a decoder has some left
                 self._began[:] = self._began or [now]
                 yield now - self._began[0], give
+                asked = self.clock()
         finally:
             capture.release()
         raise InputError("was lost", subject=self.name, code="E_SOURCE")

@@ -17,7 +17,7 @@ from gesture_core.signals.chain import Chain
 from gesture_core.spot.candidates import Candidate, Search
 from gesture_core.spot.examples import NONE, SpottingExamples
 from gesture_core.spot.live import LiveSignals
-from gesture_core.spot.signals import refuse_channels, spans, stream_chain
+from gesture_core.spot.signals import refuse_channels, refuse_limits, spans, stream_chain
 from gesture_core.spot.suppression import Suppression, merged
 from gesture_core.types import PoseSequence, Recording, Signals
 
@@ -53,10 +53,9 @@ class EventSearch:
 
     Attributes
     ----------
-    refused : int
-        Gestures over which nothing was better, and that were farther than their threshold.
-    least : float
-        How many times as far as its threshold the nearest of them was; infinite where there is none.
+    refused : list of float
+        Of gestures over which nothing was better, and that were farther than their threshold: how many times
+        as far.
     """
 
     def __init__(
@@ -66,7 +65,8 @@ class EventSearch:
         patience: float | None = None,
         judge: Judge | None = None,
     ) -> None:
-        self._examples, self._judge, self.refused, self.least = examples, judge, 0, np.inf
+        self._examples, self._judge = examples, judge
+        self.refused: list[float] = []
         worst = examples.thresholds * (_SUREST if judge and examples.recognizer else 1.0)
         self._search = Search(examples, present, worst)
         self._live, usual = patience is not None, examples.usual_seconds()
@@ -106,8 +106,7 @@ class EventSearch:
         threshold = self._examples.limits[one.code]
         near = bool(one.rank <= threshold)
         if not near and self._examples.classes[one.code] != NONE:
-            self.refused += 1
-            self.least = min(self.least, float(one.rank / max(threshold, _LEAST)))
+            self.refused.append(float(one.rank / max(threshold, _LEAST)))
         return near
 
     def _judged(self, candidates: list[Candidate]) -> list[Candidate]:
@@ -135,10 +134,9 @@ class Spotter:
 
     Attributes
     ----------
-    refused : int
-        Gestures in the last recording that were farther than their threshold, with nothing better over them.
-    least : float
-        How many times as far as its threshold the nearest of them was; infinite where there is none.
+    refused : list of float
+        Of gestures in the last recording that were farther than their threshold, with nothing better over
+        them: how many times as far.
 
     Examples
     --------
@@ -161,6 +159,7 @@ class Spotter:
     ) -> None:
         ready = settings if isinstance(settings, Settings) else load_settings(settings)
         live = live or ready.spot.live
+        refuse_limits(ready)
         self.examples = SpottingExamples.fit(ready, poses, labels, names, alive=alive)
         self._settings = ready
         self._clips = Chain.from_settings(ready)
@@ -169,7 +168,8 @@ class Spotter:
             refuse_channels(ready)
             self._live = LiveSignals(stream_chain(ready), ready.spot.gap)
         self._going: EventSearch | None = None
-        self._source, self.refused, self.least = ("", 0), 0, np.inf
+        self._source = ("", 0)
+        self.refused: list[float] = []
 
     def spot(self, pose: PoseSequence | Recording) -> list[Event]:
         """The events of a whole recording of one person, by their starts.
@@ -193,7 +193,7 @@ class Spotter:
         self, pose: PoseSequence | Recording, alive: Callable[[], None] = lambda: None
     ) -> tuple[list[Event], str]:
         """As `spot`, with what could not be searched as a text; ``alive`` is called now and then."""
-        self.refused, self.least = 0, np.inf
+        self.refused = []
         if self._live is not None and isinstance(pose, PoseSequence):
             return self._as_live(pose, alive), ""
         chain, chosen = self.examples.chain, self._settings.spot
@@ -248,7 +248,7 @@ class Spotter:
             found += search.push(signals.values[part], signals.times[part])
             alive()
         found += search.finish()
-        self.refused, self.least = self.refused + search.refused, min(self.least, search.least)
+        self.refused += search.refused
         return found
 
     def push(self, pose: PoseSequence) -> list[Event]:
@@ -260,6 +260,7 @@ class Spotter:
             Where the spotter was not made with ``live=True``.
         """
         if self._live is None:
+            refuse_channels(self._settings)
             raise InputError(
                 "this spotter is for recordings", remedy="Spotter(…, live=True)", code="E_OPTION"
             )
@@ -293,7 +294,7 @@ class Spotter:
         if going is None:
             return []
         found = going.finish()
-        self.refused, self.least = self.refused + going.refused, min(self.least, going.least)
+        self.refused += going.refused
         return found
 
     def _judged(

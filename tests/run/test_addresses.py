@@ -263,6 +263,7 @@ def test_an_address_with_a_password_is_refused_and_a_signature_is_never_kept(
     assert SECRET not in str(caught.value)
     assert shown(f"https://example.org/a.mp4?X-Amz-Signature={SECRET}") == "https://example.org/a.mp4"
     assert shown("videos/clip?.mp4") == "videos/clip?.mp4"
+    assert shown(f"https://me:{SECRET}@example.org/a@b.mp4") == "https://example.org/a@b.mp4"
     error = addresses._failed(f"https://x.org/a?sig={SECRET}", OSError(f"GET /a?sig={SECRET} failed"))
     assert SECRET not in str(error)
     error = addresses._failed("https://x.org/a", OSError(f"403, url='https://y.org/b?sig={SECRET}&c=1'"))

@@ -20,6 +20,7 @@ from gesture_core.dtw.subsequence import reference_subsequences
 from gesture_core.errors import PluginError
 from gesture_core.report.run_page import write_report
 from gesture_core.run.pipeline import RunSummary
+from gesture_core.run.rows import nearer
 from gesture_core.settings import load_settings
 from gesture_core.spot import spotter
 from gesture_core.spot.explanation import EventExplainer, subsequence_path
@@ -64,17 +65,33 @@ def test_what_was_too_far_is_counted_and_the_remedy_named(
     (row,) = run.rows()
     assert row.code == "E_NO_EVENT"
     number = int(row.message.partition(" farther than")[0].rpartition(" ")[2])
-    assert number > 3 and "--calibrate" in row.message
+    assert number > 3 and "--calibrate" not in row.message and "tolerance" not in row.message
     times = float(row.message.partition("the nearest ")[2].partition(" times as far")[0])
     wide = changes | {"spot__threshold": 0.01 * times * 1.01}
     let_in = spot_archive(
         recordings / "six.npz", drawn.example_keypoints, tmp_path / "wide", engine="inline", **wide
     )
     assert 1 <= let_in.counts["ok"] < number, "so many times the threshold lets in the nearest"
-    for found in (0, number, number + 1):
-        say_summary(RunSummary(tmp_path, {"ok": found}, refused=number))
-        said = f"{number} candidates farther than the thresholds; try: a larger" in capsys.readouterr().err
-        assert said == (found <= number)
+    hint = nearer((1.5, 2.0, 1.25, 9.0), load_settings(None, ["spot.tolerance=0.5"], environment={}).spot)
+    assert hint.startswith("--set spot.tolerance=1, which would let 3 more in") and "--calibrate" in hint
+    fixed = load_settings(None, ["spot.threshold=0.3"], environment={}).spot
+    assert nearer((1.234,), fixed) == "--set spot.threshold=0.38, which would let 1 more in"
+    assert not nearer((3.5,), fixed) and not nearer((), fixed)
+    for counts in ({"ok": 3}, {"ok": 4}, {"rejected": 1}, {"rejected": 2}):  # one row says it itself
+        say_summary(RunSummary(tmp_path, counts, refused=(1.5, 2.0, 1.25), nearer=hint))
+        said = f"3 candidates farther than the thresholds; try: {hint}" in capsys.readouterr().err
+        assert said == (counts in ({"ok": 3}, {"rejected": 2}))
+
+
+def test_limits_on_the_labels_of_clips_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["spot", str(tmp_path), "--examples", "no", "--out", str(tmp_path / "run")]
+    for text in ("reject=0.5", "reject_sd=3", "margin=0.1", "min_score=0.2", "confidence=0.5"):
+        assert gesture([*words, "--set", f"classify.{text}"]) == 2
+        said = capsys.readouterr().err
+        assert f"--set classify.{text.partition('=')[0]}=none" in said and "spot.tolerance" in said
+    assert not any(tmp_path.iterdir())
 
 
 def test_a_row_for_every_event_and_one_for_none(drawn: DemoArchive, recordings: Path, tmp_path: Path) -> None:
@@ -176,7 +193,7 @@ def test_thresholds_that_no_example_gives_are_said_to_be_a_guess(
     drawn: DemoArchive, recordings: Path, tmp_path: Path
 ) -> None:
     source, library = recordings / "six.npz", drawn.example_keypoints  # one example of each
-    with pytest.warns(UserWarning, match=r"no gesture has two examples.*--set spot\.threshold"):
+    with pytest.warns(UserWarning, match=r"no gesture has two examples.*--set spot\.tolerance"):
         spot_archive(source, library, tmp_path / "guessed", engine="inline", spot__tempos=())
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -11,8 +11,9 @@ import pytest
 from gesture_core import Spotter, classify_archive, explain, load_settings, spot_archive
 from gesture_core.cli.main import run as gesture
 from gesture_core.errors import ConfigError, InputError
+from gesture_core.run.cut import cut_events
 from gesture_core.run.find import find
-from gesture_core.types import Recording
+from gesture_core.types import PoseSequence, Recording
 
 RATE = 50
 CHANNELS = ("acc/x", "acc/y", "acc/z", "gyro/x", "gyro/y", "gyro/z")
@@ -88,6 +89,10 @@ def test_a_run_over_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert [row.label for row in summary.rows()] == list(ORDER)
     decided = explain(tmp_path / "run", "day.csv", event=2)
     assert decided.explanation.nearest.label == "turn"
+    clips = cut_events(tmp_path / "run", tmp_path / "clips")
+    assert [clip.file.suffix for clip in clips] == [".parquet"] * len(ORDER)
+    again = classify_archive(tmp_path / "clips", folders[1], tmp_path / "again", "sensors", engine="inline")
+    assert all(Path(row.input).parent.name == row.label for row in again.rows())
     found = find(tmp_path / "examples" / "turn" / "3.csv", folders[0], settings="sensors", top=3, workers=1)
     assert {round(hit.start) for hit in found.hits} == {
         round(start) for kind, start, _ in truth if kind == "turn"
@@ -102,6 +107,10 @@ def test_a_run_over_a_recording(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_what_happens_now_is_not_found_in_channels() -> None:
     with pytest.raises(ConfigError, match="while they happen"):
         Spotter(*examples(), "sensors", live=True)
+    with pytest.raises(ConfigError, match="while they happen"):
+        Spotter(*examples(), "sensors").push(
+            PoseSequence(np.zeros((1, 18, 2)), np.ones((1, 18)), np.zeros(1))
+        )
 
 
 @pytest.mark.parametrize("verify", [True, False])

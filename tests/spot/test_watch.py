@@ -275,11 +275,11 @@ def test_ctrl_c_ends_it_with_what_is_known_and_a_summary(
 def test_a_camera_that_cannot_be_opened_is_the_error_and_no_summary(
     drawn: DemoArchive, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["watch", "http://127.0.0.1:9/", "--examples", str(drawn.example_keypoints)]
+    words = ["watch", "http://me:secret@127.0.0.1:9/", "--examples", str(drawn.example_keypoints)]
     assert gesture(words) == 1
     said = capsys.readouterr().err
-    assert "cannot be opened" in said and "its cable, number or address" in said
-    assert '"done"' not in said and "0 frames" not in said
+    assert "cannot be opened" in said and "its address and password" in said
+    assert "secret" not in said and '"done"' not in said and "0 frames" not in said
 
 
 def test_the_preview_shows_frames_to_who_knows_its_address(string: PoseSequence) -> None:

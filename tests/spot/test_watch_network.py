@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gesture_core.errors import ConfigError
+from gesture_core.errors import ConfigError, InputError
 from gesture_core.run.watch import Webhook
 from gesture_core.spot.capture import Capture, Captured, Note
 from gesture_core.spot.sources import Camera
@@ -106,6 +106,31 @@ def test_a_stream_that_stalls_is_lost_and_opened_again(monkeypatch: pytest.Monke
             said += [found.text] if isinstance(found, Note) else []
     assert [text.partition(": ")[2] for text in said][:1] == ["was lost; opened again in 0.05 s"]
     assert "is back after" in said[-1]
+
+
+def test_what_a_decoder_still_has_after_a_stall_does_not_hide_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """FFmpeg gives up after the time-out, and OpenCV then gives the pictures that were in the decoder."""
+
+    class Stalled:
+        def __init__(self, *_: object) -> None:
+            self.grabbed = 0
+
+        def grab(self) -> bool:
+            self.grabbed += 1
+            now[0] += 0.1 if self.grabbed < 4 else 5.0
+            return True
+
+        def isOpened(self) -> bool:
+            return True
+
+        def release(self) -> None:
+            pass
+
+    now = [0.0]
+    monkeypatch.setattr(cv2, "VideoCapture", Stalled)
+    with pytest.raises(InputError, match="was lost"):
+        list(Camera("rtsp://me:secret@host/1", lambda: now[0]).frames(print))
+    assert now[0] == pytest.approx(5.3)
 
 
 def test_the_webhook_gets_every_event_and_a_deaf_one_is_said() -> None:

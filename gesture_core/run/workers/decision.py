@@ -153,8 +153,8 @@ class Decider:
     def spot(self, inputs: Sequence[Mapping[str, Any]]) -> list[list[dict[str, Any]]]:
         """The ``events`` of everybody in each of some stored inputs, or the fields of a `Prediction`.
 
-        Besides a ``note``, and how many were ``refused``: gestures, but farther than their threshold, the
-        nearest ``least`` times as far.
+        Besides a ``note``, and ``refused``: of gestures that were farther than their threshold, how many
+        times as far.
         """
         assert self._spotter is not None, "fit comes first"
         answers: list[list[dict[str, Any]]] = []
@@ -165,9 +165,8 @@ class Decider:
                 try:
                     with calling(self._entry, remedy=_INSTEAD):
                         events, note = self._spotter.spot_with_note(pose, self._worker.alive)
-                    answer = {"events": [asdict(event) for event in events], "note": note}
-                    refused = {"refused": self._spotter.refused, "least": self._spotter.least}
-                    answers[-1].append(answer | refused)
+                    found = {"events": [asdict(event) for event in events], "note": note}
+                    answers[-1].append(found | {"refused": self._spotter.refused})
                 except ConfigError:
                     raise
                 except GestureError as error:
