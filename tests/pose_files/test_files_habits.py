@@ -168,6 +168,19 @@ def test_columns_that_are_counted_behind_a_letter(tmp_path: Path, letter: str) -
     same(pose, points)
 
 
+@pytest.mark.parametrize("form", ["İß {}_{}_px", "{}_{} [ßpx]", "İİ_{}_{} (PX)"])
+def test_letters_beyond_ascii_stand_beside_units(tmp_path: Path, form: str) -> None:
+    (pose,) = read(save(tmp_path / "k.csv", named(COCO17.joints, form), ROWS))
+    same(pose, POINTS, COCO17.joints)
+
+
+def test_lines_above_a_table_end_where_lines_do(tmp_path: Path) -> None:
+    (tmp_path / "k.csv").write_text(lines("a\x0btitle\x1cof one line\u2028, and long"), encoding="utf-8")
+    (pose,) = read(tmp_path / "k.csv")
+    assert len(pose) == FRAMES
+    same(pose, POINTS, COCO17.joints)
+
+
 def test_half_a_joint_is_refused_with_the_column(tmp_path: Path) -> None:
     names = named(COCO17.joints)
     path = save(tmp_path / "k.csv", names[:-1], [row[:-1] for row in ROWS])
@@ -200,6 +213,15 @@ def test_a_person_whose_number_changes_stays_one(tmp_path: Path) -> None:
     assert len(read(path, "multi")) == 2
 
 
+def test_tracks_before_and_after_the_longest_one_are_joined(tmp_path: Path) -> None:
+    header = ["frame", "track_id", *named(COCO17.joints)]
+    of_whom = [5, 5, 3, 3, 3, 1, 1, 1, 1, 2, 2, 4]
+    rows = [[frame, of_whom[frame], *ROWS[frame]] for frame in TURNED]
+    (pose,) = read(save(tmp_path / "k.csv", header, rows))
+    same(pose, POINTS, COCO17.joints)
+    assert "5 people or tracks that follow" in pose.provenance["notes"]
+
+
 def test_people_who_come_one_after_the_other_elsewhere_are_two(tmp_path: Path) -> None:
     header = ["frame", "track_id", *named(COCO17.joints)]
     (pose,) = read(save(tmp_path / "k.csv", header, tracked(7, 900, range(4, FRAMES))))
@@ -214,6 +236,12 @@ def test_two_people_below_each_other_are_refused_where_nothing_numbers_the_rows(
     (pose,) = read(
         save(tmp_path / "k.csv", ["frame", *named(COCO17.joints)], [[n, *row] for n, row in enumerate(rows)])
     )
+    check_plausible(pose)
+
+
+def test_who_was_away_meanwhile_may_be_elsewhere(tmp_path: Path) -> None:
+    rows = [*ROWS, *[[""] * len(ROWS[0])] * 5, *flat(person(COCO17.joints, 900))]
+    (pose,) = read(save(tmp_path / "k.csv", named(COCO17.joints), rows))
     check_plausible(pose)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -166,7 +167,7 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
         joints = [""]
     else:
         bare, unit = _without_units(names)
-        found = columns_of(bare, options, source) if unit else None
+        found = columns_of(bare, options, source) if unit and bare != [*names] else None
         return replace(found, unit=unit) if found else None
     time = next((role for role in single if role in _TIMES), None)
     frame = next((single[role] for role in single if role in FRAMES), None)
@@ -216,8 +217,8 @@ def _without_units(names: Sequence[str]) -> tuple[list[str], Unit | None]:
     for name in names:
         words = words_of(name)
         unit = UNITS.get(words[-1]) if len(words) > 1 else None
-        at = len(name) if unit is None else name.casefold().rindex(words[-1])
-        bare.append(name[:at])
+        ends = [*re.finditer(re.escape(words[-1]), name, re.IGNORECASE | re.ASCII)] if unit else []
+        bare.append(name[: ends[-1].start()] if ends else name)
         units |= {unit} if unit and _coordinate(words[:-1]) else set()
     return bare, ("metres" if "metres" in units else "pixels") if len(units) == 1 else None
 

@@ -150,8 +150,9 @@ class CsvReader(OneClipReader):
         R's tables name their columns, but not that of the numbers or names of the rows before them.
         """
         find = partial(columns_of, options=self.options, source=source)
-        lines = head.decode("utf-8-sig", "replace").splitlines()[:_LOOKED_AT]
-        above = lines_above(lines)
+        text = head.decode("utf-8-sig", "replace")
+        lines = [line.strip("\r") for line in text.split("\n", _LOOKED_AT)[:_LOOKED_AT]]
+        above = 0 if b"\0" in head else lines_above(lines)
         if max((len(cells_of(line, separator(lines[-1]))) for line in lines[:above]), default=0) >= _WIDE:
             above = 0  # rows of another table
         for _ in range(above):

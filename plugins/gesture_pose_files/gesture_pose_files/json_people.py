@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from gesture_core.errors import KeypointError
+from gesture_core.joint_names import joints_named
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import Person
-from gesture_pose_files.layout import NOT_USED
+from gesture_pose_files.layout import BY_COUNT, NOT_USED
 from gesture_pose_files.whole_body import body_of, known_counts
 
 _LARGEST = 1e7
@@ -126,10 +127,19 @@ def landmarks_of(frame: object) -> list[Any]:
     """The joints of a frame that is nothing but these, as MediaPipe's messages are; empty for another."""
     while isinstance(frame, Mapping):
         frame = next((frame[key] for key in _LANDMARKS if key in frame), None)
-    points = isinstance(frame, list) and all(
-        isinstance(one, Mapping) and {"x", "y"} <= {*one} for one in frame
-    )
-    return frame if points and isinstance(frame, list) else []
+    if isinstance(frame, list) and all(isinstance(one, Mapping) and {"x", "y"} <= {*one} for one in frame):
+        return _by_name(frame)
+    return []
+
+
+def _by_name(marks: list[Any]) -> list[Any]:
+    """Joints in the order of their body, where they have names; none where these are of no known body."""
+    names = [mark.get("name", mark.get("part")) for mark in marks]
+    if names.count(None) == len(names):
+        return marks
+    found = dict(zip(joints_named([*map(str, names)]), marks, strict=True))
+    body = BY_COUNT.get(len(marks))
+    return [found[joint] for joint in body.joints] if body and found.keys() == {*body.joints} else []
 
 
 def _joints(person: Mapping[str, Any], number: int, name: str, options: ReadOptions) -> np.ndarray | None:

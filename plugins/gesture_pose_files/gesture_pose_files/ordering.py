@@ -138,9 +138,11 @@ def by_person(rows: Rows, cells: Sequence[str] | None, source: str) -> tuple[lis
         raise KeypointError("names no person", subject=source, code="E_KEYPOINTS_VALUE")
     if len(known) == len(names) >= _FEWEST:
         return [rows], ["the column of people numbers the rows, and tells nobody apart"]
-    column = np.array(names)
-    found = [replace(rows.take(np.flatnonzero(column == name)), name=name) for name in known]
-    nobody = (column == "") & np.isfinite(rows.points).any(axis=(1, 2))
+    of_whom: dict[str, list[int]] = {}
+    for row, name in enumerate(names):
+        of_whom.setdefault(name, []).append(row)
+    found = [replace(rows.take(np.array(of_whom[name])), name=name) for name in known]
+    nobody = (np.array(names) == "") & np.isfinite(rows.points).any(axis=(1, 2))
     return found, [f"{int(nobody.sum())} rows of no person left out"] if nobody.any() else []
 
 
@@ -206,24 +208,31 @@ def following(groups: Sequence[Rows]) -> tuple[list[Rows], list[str]]:
     if any(one.key is None for one in groups):
         return [*groups], []
     ordered = sorted(groups, key=lambda one: -np.isfinite(one.points).all(axis=2).sum())
-    joined, left = ordered[0].take(np.argsort(_key(ordered[0]), kind="stable")), []
+    ordered = [one.take(np.argsort(_key(one), kind="stable")) for one in ordered]
+    before, after, left = list[Rows](), ordered[:1], list[Rows]()  # the earliest is the last of those before
     for other in ordered[1:]:
-        one = other.take(np.argsort(_key(other), kind="stable"))
-        pair = (joined, one) if _key(one)[0] > _key(joined)[-1] else (one, joined)
-        meets = _key(pair[1])[0] > _key(pair[0])[-1] and near(pair[0].points[-1], pair[1].points[0])
-        if meets:
-            joined = replace(
-                joined,
-                values=np.concatenate([part.values for part in pair]),
-                times=None if joined.times is None else np.concatenate([part.times for part in pair]),
-                numbers=None if joined.numbers is None else np.concatenate([part.numbers for part in pair]),
-                place=np.concatenate([part.place for part in pair]),
-            )
+        first, last = (before or after[:1])[-1], after[-1]
+        if _follows(last, other):
+            after.append(other)
+        elif _follows(other, first):
+            before.append(other)
         else:
             left.append(other)
-    count = len(groups) - len(left)
-    notes = [f"{count} people or tracks that follow one another taken as one"] if count > 1 else []
-    return [joined, *left], notes
+    parts = [*before[::-1], *after]
+    if len(parts) == 1:
+        return [*groups], []
+    joined = replace(
+        ordered[0],
+        values=np.concatenate([part.values for part in parts]),
+        times=None if ordered[0].times is None else np.concatenate([part.times for part in parts]),
+        numbers=None if ordered[0].numbers is None else np.concatenate([part.numbers for part in parts]),
+        place=np.concatenate([part.place for part in parts]),
+    )
+    return [joined, *left], [f"{len(parts)} people or tracks that follow one another taken as one"]
+
+
+def _follows(one: Rows, other: Rows) -> bool:
+    return bool(_key(other)[0] > _key(one)[-1]) and near(one.points[-1], other.points[0])
 
 
 def _key(rows: Rows) -> np.ndarray:
