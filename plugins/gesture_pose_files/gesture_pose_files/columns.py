@@ -63,8 +63,8 @@ class Columns:
     ----------
     body : Skeleton or None
         Of the joints that are named; None in a long table, whose rows name them.
-    x, y, score : tuple of (int or None)
-        Column of each joint; one each in a long table.
+    x, y, z, score : tuple of (int or None)
+        Column of each joint; one each in a long table; z is empty where nothing has one.
     named : bool
         The header names the joints; otherwise it numbers them.
     time, frame, person, joint, clip : int or None
@@ -81,6 +81,7 @@ class Columns:
     x: tuple[int | None, ...]
     y: tuple[int | None, ...]
     score: tuple[int | None, ...]
+    z: tuple[int | None, ...] = ()
     named: bool = True
     time: int | None = None
     tick: float = 1.0
@@ -177,13 +178,20 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
     index = tuple(column for role, column in single.items() if role in INDEX)
     known |= {*index, single.get("id")}
     unused = [n for column, n in enumerate(names) if column not in known]
-    if any((j, "z") in places for j in joints):
-        unused.append("depth (z)")
+    z = tuple(places.get((j, "z")) for j in joints)
+    flat = [f"{j} (no z)" for j, column in zip(joints, z, strict=True) if column is None]
+    if len(flat) == len(joints):
+        z = ()
+    elif options.depth:
+        unused[:0] = flat
+    else:
+        unused.insert(0, "depth (z), which --preset depth uses")
     return Columns(
         body,
         tuple(places.get((j, "x")) for j in joints),
         tuple(places.get((j, "y")) for j in joints),
         tuple(places.get((j, "score")) for j in joints),
+        z=z,
         named=body is None or len(named) > 1,
         time=single[time] if time else None,
         tick=_TIMES[time] if time else 1.0,

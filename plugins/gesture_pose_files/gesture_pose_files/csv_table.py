@@ -225,7 +225,8 @@ class CsvReader(OneClipReader):
         source: str,
         notes: Sequence[str] = (),
     ) -> list[PoseSequence]:
-        places = [*columns.x, *columns.y, *columns.score, columns.time]
+        z = columns.z if self.options.depth else ()
+        places = [*columns.x, *columns.y, *columns.score, *z, columns.time]
         wanted = sorted({place for place in places if place is not None})
         most = MAX_FRAMES if columns.joint is None else _MAX_JOINT_ROWS
         cut: list[KeypointError] = []
@@ -235,7 +236,8 @@ class CsvReader(OneClipReader):
         table, texts = numbers_of(rows, len(names), wanted, names, most, source, columns.time)
         if np.isinf(table).any():
             raise KeypointError("holds an infinite value", subject=source, code="E_KEYPOINTS_VALUE")
-        refuse_thousands(table[:, [place for place in (*columns.x, *columns.y) if place is not None]], source)
+        coordinates = [place for place in (*columns.x, *columns.y, *z) if place is not None]
+        refuse_thousands(table[:, coordinates], source)
         rest = [column for column in range(len(names)) if column not in wanted]
 
         def text_of(column: int | None) -> list[str] | None:
@@ -259,7 +261,7 @@ class CsvReader(OneClipReader):
             times = times - np.nanmin(times)
         frames = text_of(columns.frame)
         every = Rows(
-            np.stack([_take(table, c) for c in (columns.x, columns.y, columns.score)], axis=2),
+            np.stack([_take(table, c) for c in (columns.x, columns.y, columns.score, z) if c], axis=2),
             any(column is not None for column in columns.score),
             times,
             None if frames is None else frame_numbers(frames, source),
@@ -290,6 +292,7 @@ class CsvReader(OneClipReader):
                         source=source,
                         reader=self.name,
                         scores=scores,
+                        depth=mine.depth,
                         times=mine.times,
                         numbers=mine.numbers,
                         clock=every.numbers if times is None else times,
@@ -307,6 +310,13 @@ class CsvReader(OneClipReader):
         if not rows.several:
             yield rows.points, rows.scores, rows, notes
             return
+        if rows.depth is not None:
+            raise KeypointError(
+                "has several people in a frame, and of people who are told apart by their place no z is kept",
+                subject=source,
+                remedy="a column person",
+                code="E_KEYPOINTS_SHAPE",
+            )
         frames, first = rows.frames()
         most = max(len(frame) for frame in frames)
         notes.append(f"up to {most} people in a frame told apart by their place, as no column does")

@@ -27,8 +27,8 @@ class Rows:
 
     Attributes
     ----------
-    values : (N, J, 3) float64
-        x, y and score, NaN where missing.
+    values : (N, J, 3|4) float64
+        x, y, score, and z where it is wanted, NaN where missing.
     scored : bool
         The table has scores.
     times, numbers : (N,) float64 or None
@@ -66,6 +66,11 @@ class Rows:
             return None
         sure = np.isnan(self.values[..., 2]) & np.isfinite(self.points).all(axis=2)
         return np.where(sure, 1.0, self.values[..., 2])
+
+    @property
+    def depth(self) -> np.ndarray | None:
+        """(N, J) third coordinates."""
+        return self.values[..., 3] if self.values.shape[2] > 3 else None
 
     def take(self, rows: np.ndarray) -> Rows:
         """Some of the rows, in the order given."""
@@ -258,7 +263,7 @@ def by_joint(rows: Rows, labels: Sequence[str], where: Mapping[str, int], joints
             code="E_KEYPOINTS_TIMES",
         )
     _, first, frame = np.unique(key, return_index=True, return_inverse=True)
-    values = np.full((len(first), joints, 3), np.nan)
+    values = np.full((len(first), joints, rows.values.shape[2]), np.nan)
     taken: set[tuple[int, int]] = set()
     for row, label in enumerate(own):
         if label not in where:
