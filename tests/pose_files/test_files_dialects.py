@@ -256,3 +256,17 @@ def test_a_clip_in_a_list_of_its_own_is_no_frame(tmp_path: Path, form: str) -> N
     np.save(path, COCO[None, ..., :2].reshape(1, T, -1))
     assert ArrayReader().accepts(path) and not ArrayFramesReader().accepts(tmp_path)
     np.testing.assert_allclose(ArrayReader().read(path)[0].keypoints, COCO[..., :2], rtol=1e-5)
+
+
+def test_frames_without_anybody_are_no_lost_ones_and_what_lies_beside_a_body_is_named(tmp_path: Path) -> None:
+    for number, frame in enumerate(MEDIA_PIPE):
+        nobody: object = [None, [], {"landmark": []}][number % 3]
+        hand = {"landmark": marks(near(21, 4)[0])}
+        message = {"poseLandmarks": nobody if number < 3 else marks(frame), "leftHandLandmarks": hand}
+        (tmp_path / f"{number}.json").write_text(json.dumps(message))
+    assert OpenPoseJsonReader().accepts(tmp_path)
+    (pose,) = OpenPoseJsonReader().read(tmp_path)
+    assert pose.seen.any(axis=1).tolist() == [False] * 3 + [True] * (T - 3)
+    assert "lost" not in pose.provenance
+    for note in ("hands and face beside landmarks", "depth (z) is not used"):
+        assert note in pose.provenance["notes"]
