@@ -145,13 +145,13 @@ def rows_of(
 def nearer(refused: Sequence[float], spot: SpotSettings) -> str:
     """The setting that would let in some gestures that are so many times as far as their thresholds."""
     some = [times for times in sorted(refused)[:_MORE] if times <= _FARTHEST]
-    if not some:
-        return ""
     name, now = "tolerance", spot.tolerance
     if spot.threshold is not None:
         name, now = "threshold", spot.threshold
+    if not some or now == 0:  # no number of times nothing is enough
+        return ""
     needed = some[-1] * now
-    step = 10.0 ** (math.floor(math.log10(needed)) - 1) if needed > 0 else 1.0
+    step = 10.0 ** (math.floor(math.log10(needed)) - 1)
     value = math.ceil(needed / step) * step
     marked = "" if spot.threshold is not None else ", or --calibrate with marked recordings"
     return f"--set spot.{name}={value:.2g}, which would let {len(some)} more in{marked}"

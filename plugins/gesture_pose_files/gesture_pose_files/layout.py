@@ -208,6 +208,7 @@ def sequence(
         notes = [*notes, *_unused(joints, np.asarray(np.isfinite(points[..., 0]).any(axis=0)), options)]
         points, scores = mapped(points, scores, joints, target)
         joints = target
+    notes = [*notes, *_not_compared(joints, np.asarray(np.isfinite(points[..., 0]).any(axis=0)))]
     if notes:
         provenance["notes"] = "; ".join(notes)
     return PoseSequence(points, scores, times, joints.name, frame_size, person, source, provenance)
@@ -219,6 +220,13 @@ def _unused(joints: Skeleton, seen: np.ndarray, options: ReadOptions) -> list[st
     kinds = {"hands" if joint in HANDS42.joints else group_of(joint) for joint in there} & {"hands", "face"}
     unused = [kind for kind in ("hands", "face") if kind in kinds - {*options.parts}]
     return [_NOT_USED[tuple(unused)]] if unused else []
+
+
+def _not_compared(joints: Skeleton, seen: np.ndarray) -> list[str]:
+    """A clause about feet and a spine that are there, (J,) bool: no normalizer has them."""
+    there = {joint for joint, one in zip(joints.joints, seen, strict=False) if one} - {"mid_hip"}
+    parts = sorted({"feet", "spine"} & set(map(group_of, there)))
+    return [f"{' and '.join(parts)}: read and not compared"] if parts else []
 
 
 def check_clock(times: np.ndarray, source: str, what: str) -> None:
