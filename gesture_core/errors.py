@@ -214,7 +214,8 @@ def near(word: str, known: Sequence[str], otherwise: str = "") -> str:
     """
     import difflib
 
-    alike = difflib.get_close_matches(str(word), known, 3)
+    same = [one for one in known if one.casefold() == str(word).casefold()]
+    alike = same or difflib.get_close_matches(str(word), known, 3)
     every = otherwise or f"one of {', '.join(known) or '(none)'}"
     return f"did you mean {' or '.join(alike)}? {otherwise}".rstrip() if alike else every
 

@@ -140,7 +140,8 @@ def _evaluate_events(sources: Sequence[str], annotations: Path) -> int:
 
     if len(sources) != 1:
         raise ConfigError(f"--events with {len(sources)} sources", remedy="one run folder", code="E_OPTION")
-    scores = evaluate_events(sources[0], annotations)
+    with warnings_as_lines():
+        scores = evaluate_events(sources[0], annotations)
     if not sys.stdout.isatty():
         print(json.dumps(asdict(scores)))
         return 0

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterator, Sequence
+import warnings
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from gesture_core.errors import ConfigError, InputError, MissingDependencyError
+from gesture_core.errors import ConfigError, InputError, MissingDependencyError, near
 from gesture_core.records import Event, Row
 from gesture_core.run.results import open_results
+from gesture_core.run.tables import headings
 from gesture_core.spot.evaluation import Annotation, EventScores, score_events
+from gesture_core.spot.examples import NONE
 
 SUFFIXES = (".eaf", ".vtt", ".csv")
 _LARGEST = 64 << 20
+_SHOWN = 5
 PATHS = ("input", "path", "file", "video")
 
 
@@ -27,22 +33,52 @@ def evaluate_events(run: str | os.PathLike[str], annotations: str | os.PathLike[
     annotations : path
         An ELAN or WebVTT file of a recording's name, a CSV file with the columns ``input``, ``start``,
         ``end`` (seconds; the same as ``start``, or nothing, for a point) and ``label``, or a folder of them.
+        Labels that the run does not have are warned of.
 
     Raises
     ------
     InputError
         Where a file cannot be read.
     ConfigError
-        Where the run has no events, or an annotation belongs to no input of it.
+        Where the run has no events, or an annotation belongs to no input of it, or none has a label of it.
     """
     with open_results(run) as results:
         rows = list(results.rows())
+        labels = {one["label"] for one in results.configuration.get("examples", {}).values()} - {NONE, None}
     if not any(row.event or row.code == "E_NO_EVENT" for row in rows):
         raise ConfigError("the run is not of gesture spot", subject=os.fspath(run), code="E_NO_RUN")
     events = [event_of(row) for row in rows if row.event]
     marks = list(read_annotations(annotation_files(Path(annotations)), rows))
     seconds = sum({row.input: row.seconds for row in rows if row.frames_read}.values())
-    return score_events(events, marks, seconds)
+    unknown = unknown_labels(marks, labels, os.fspath(annotations))
+    return replace(score_events(events, marks, seconds), unknown=unknown)
+
+
+def unknown_labels(marks: Sequence[Annotation], labels: Collection[str], source: str) -> dict[str, int]:
+    """How many of ``marks`` have each label that is none of ``labels``; they are warned of.
+
+    Raises
+    ------
+    ConfigError
+        ``E_LABELS`` where all of them have such a label.
+    """
+    known = sorted(labels)
+    found = Counter(mark.label for mark in marks if mark.label not in labels)
+    if not found:
+        return {}
+    meant = [
+        f"{label!r} ({number}{f', {hint}' if (hint := near(label, known, ' ').strip()) else ''})"
+        for label, number in found.most_common()
+    ]
+    said = ", ".join(meant[:_SHOWN]) + (f", and {len(meant) - _SHOWN} more" if meant[_SHOWN:] else "")
+    if found.total() == len(marks):
+        raise ConfigError(
+            f"no annotation has a label of the run, but {said}", subject=source, code="E_LABELS",
+            remedy=f"labels as the run has them: {', '.join(known)}",
+        )  # fmt: skip
+    text = f"{found.total()} of {len(marks)} annotations have labels that no event can have: {said}"
+    warnings.warn(f"{source}: {text}; the run has {', '.join(known)}", stacklevel=3)
+    return dict(found)
 
 
 def event_of(row: Row) -> Event:
@@ -63,6 +99,8 @@ def event_of(row: Row) -> Event:
 
 def annotation_files(path: Path) -> list[Path]:
     """``path``, or the files of annotations in that folder."""
+    if not path.exists():
+        raise InputError("no such file", subject=str(path), remedy="check the path", code="E_NOT_FOUND")
     files = sorted(one for one in path.iterdir() if one.suffix in SUFFIXES) if path.is_dir() else [path]
     if not files:
         raise InputError(
@@ -123,32 +161,45 @@ def _input_of(name: str, names: set[str], file: Path) -> str:
     )  # fmt: skip
 
 
-def _csv(file: Path, names: set[str]) -> Iterator[Annotation]:
+def table_of(file: Path) -> tuple[Sequence[str], list[dict[str, str]], str]:
+    """The columns of a CSV file, its rows by them, and what separates its cells."""
     try:
-        with file.open(encoding="utf-8-sig", newline="") as lines:
-            reader = csv.DictReader(lines)
-            columns = reader.fieldnames or ()
-            place = next((name for name in PATHS if name in columns), None)
-            if place is None or not {"start", "label"} <= set(columns):
-                raise InputError(
-                    f"has the columns {', '.join(columns) or 'of no table'}", subject=str(file),
-                    remedy="input, start, end, label", code="E_READ",
-                )  # fmt: skip
-            for number, line in enumerate(reader, 2):
-                if line["start"] in ("", None):  # a row of a run that is about no event
-                    continue
-                try:
-                    start = float(line["start"])
-                    end = float(line.get("end") or start)
-                except ValueError:
-                    raise InputError(
-                        f"line {number} has no time in seconds", subject=str(file), code="E_READ"
-                    ) from None
-                if not (0 <= start <= end < float("inf")):
-                    raise InputError(f"line {number}: {start} to {end}", subject=str(file), code="E_READ")
-                yield Annotation(_input_of(line[place], names, file), start, end, line["label"].strip())
+        with file.open(encoding="utf-8-sig", newline="") as opened:
+            lines = list(opened)
+        _, mark = headings(lines)
+        reader = csv.DictReader(lines, delimiter=mark)
+        return reader.fieldnames or (), list(reader), mark
+    except OSError as error:
+        cause = f"cannot be read: {error.strerror or error}"
+        raise InputError(cause, subject=str(file), code="E_READ") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"is no CSV file in UTF-8: {error}", subject=str(file), code="E_READ") from error
+
+
+def _csv(file: Path, names: set[str]) -> Iterator[Annotation]:
+    columns, rows, mark = table_of(file)
+    place = next((name for name in PATHS if name in columns), None)
+    if place is None or not {"start", "label"} <= set(columns):
+        raise InputError(
+            f"has the columns {', '.join(columns) or 'of no table'}", subject=str(file),
+            remedy="input, start, end, label", code="E_READ",
+        )  # fmt: skip
+    for number, line in enumerate(rows, 2):
+        if line["start"] in ("", None):  # a row of a run that is about no event
+            continue
+        said = line["start"], line.get("end") or line["start"]
+        try:
+            start, end = (float(text if mark == "," else text.replace(",", ".")) for text in said)
+        except ValueError:
+            start = end = float("nan")
+        cause = "has no time in seconds"
+        if 0 <= end < start < float("inf"):
+            cause = f"its end {end:g} lies before its start {start:g}"
+        elif start < 0 or end < 0:
+            cause = f"{min(start, end):g} lies before the start of the recording"
+        if not 0 <= start <= end < float("inf"):
+            raise InputError(f"line {number}: {cause}", subject=str(file), code="E_READ")
+        yield Annotation(_input_of(line[place], names, file), start, end, (line["label"] or "").strip())
 
 
 def _vtt(file: Path, name: str) -> Iterator[Annotation]:

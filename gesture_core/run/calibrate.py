@@ -7,7 +7,6 @@ chosen; it takes the place of `spot.tolerance`, and so stands in the configurati
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -18,7 +17,15 @@ import numpy as np
 from gesture_core.errors import ConfigError, InputError
 from gesture_core.files import content_sha256, replacing
 from gesture_core.records import Event
-from gesture_core.run.annotations import PATHS, SUFFIXES, annotation_files, event_of, read_annotations
+from gesture_core.run.annotations import (
+    PATHS,
+    SUFFIXES,
+    annotation_files,
+    event_of,
+    read_annotations,
+    table_of,
+    unknown_labels,
+)
 from gesture_core.run.extract import Listener
 from gesture_core.run.pipeline import run_archive
 from gesture_core.run.plan import RunRequest
@@ -112,7 +119,9 @@ def calibrate(
     summary = run_archive(opened, listener)
     with open_results(out) as results:
         rows = list(results.rows())
-    marks = [mark for mark in read_annotations(files, rows) if mark.label in summary.classes]
+    marks = list(read_annotations(files, rows))
+    unknown = unknown_labels(marks, summary.classes, ", ".join(annotations))
+    marks = [mark for mark in marks if mark.label not in unknown]
     if not marks:
         raise ConfigError(
             "no annotation is of a gesture that there are examples of", subject=", ".join(annotations),
@@ -175,17 +184,9 @@ def _scored(
 def _recordings(file: Path) -> list[Path]:
     """The recordings that a file of annotations is about."""
     if file.suffix == ".csv":
-        try:
-            with file.open(encoding="utf-8-sig", newline="") as lines:
-                names = [
-                    next((line[key] for key in PATHS if line.get(key)), "") for line in csv.DictReader(lines)
-                ]
-        except (OSError, UnicodeDecodeError, csv.Error) as error:
-            raise InputError(f"cannot be read: {error}", subject=str(file), code="E_READ") from error
+        names = [next((line[key] for key in PATHS if line.get(key)), "") for line in table_of(file)[1]]
         found = [file.parent / name for name in dict.fromkeys(names) if name]
     else:
-        if not file.is_file():
-            raise InputError("no such file", subject=str(file), remedy="check the path", code="E_NOT_FOUND")
         found = [
             one
             for one in sorted(file.parent.iterdir())

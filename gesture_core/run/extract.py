@@ -214,14 +214,16 @@ def extract_all(
     identity: Mapping[str, Any] | None = None,
     workers: int = 0,
     listener: Listener | None = None,
+    inputs: int = 0,
 ) -> Iterator[tuple[Input, Extracted]]:
     """What came of each of ``items``, from the keypoint store or extracted in worker processes.
 
-    The parameters are those of `OpenEngine`; without ``identity``, it is found. The model is tried first
-    where there are videos; as after a run, the keypoint store is then brought below its limit.
+    The parameters are those of `OpenEngine`; without ``identity``, it is found. With ``inputs``, the items
+    are examples for so many others. The model is tried first where there are videos; as after a run, the
+    keypoint store is then brought below its limit.
     """
     listener = listener or Listener()
-    listener.planned(len(items), len(items), 0, "")
+    listener.planned(inputs or len(items), inputs or len(items), len(items) if inputs else 0, "")
     if not items:
         return
     videos = any(item.kind == "video" for item in items)

@@ -50,7 +50,7 @@ def read_manifest(path: Path) -> list[tuple[Path | str, str | None]] | None:
             lines = [line for line in _lines(path) if line.strip() and not line.startswith("#")]
             return [(_listed(path.parent, line), None) for line in lines]
         lines = list(_lines(path, ends=True))
-        cells, mark = _headings(lines)
+        cells, mark = headings(lines)
         if (at := _first(cells, _PATHS)) is None:
             return None
         label = cells.index("label") if "label" in cells else len(cells)
@@ -104,7 +104,7 @@ def read_labels(path: Path, columns: str = "") -> tuple[list[tuple[str, str]], b
         lines = list(dropwhile(_REMARK.match, lines))
         if not lines:
             raise ConfigError("is empty", subject=str(path), remedy="path,label", code="E_LABELS")
-        cells, mark = _headings(lines)
+        cells, mark = headings(lines)
         chosen, header = _columns(path, cells, columns)
         rows = list(csv.reader(lines, delimiter=mark))[header:]
         entries = [(row[chosen[0]], _text(row[chosen[1]])) for row in rows if len(row) > max(chosen)]
@@ -167,7 +167,7 @@ def _only(cells: Sequence[str], names: frozenset[str]) -> int | None:
     return found[0] if len(found) == 1 else None
 
 
-def _headings(lines: Iterable[str]) -> tuple[list[str], str]:
+def headings(lines: Iterable[str]) -> tuple[list[str], str]:
     """The cells of the first line, and the separator by which there are some that say what they are.
 
     Spreadsheets write others than commas; a space separates only where it does so in every line.

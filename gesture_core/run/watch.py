@@ -211,7 +211,7 @@ def fit_spotter(
     people: dict[bytes, PoseSequence] = {}
     failed = [f"{item.name}: {item.code} {item.fault}" for item in items if item.kind == "broken"]
     readable = [item for item in items if item.kind != "broken"]
-    for item, extracted, poses in people_of(readable, settings, listener=listener):
+    for item, extracted, poses in people_of(readable, settings, listener=listener, inputs=1):
         if poses and not extracted.code:
             people[item.key] = poses[0]
         else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import median
 
 from gesture_core.records import Event
@@ -41,6 +41,8 @@ class EventScores:
         Events a minute that meet no annotation with half of their time.
     lateness : float or None
         Median of seconds from the end of an annotation to that of its event; None where none is met.
+    unknown : mapping
+        Number of annotations by each label that no event of the run can have; they count as missed.
     """
 
     annotated: int
@@ -52,6 +54,7 @@ class EventScores:
     jaccard: float
     false_alarms: float
     lateness: float | None
+    unknown: Mapping[str, int] = field(default_factory=dict)
 
 
 def overlap_of(event: Event, mark: Annotation) -> float:

@@ -194,3 +194,25 @@ def test_a_wav_file_is_its_channels_at_its_rate(width: int, tmp_path: Path) -> N
     (tmp_path / "a.wav").write_bytes((tmp_path / "a.wav").read_bytes()[:60])
     with pytest.raises(GestureError, match=r"cut off|no WAV"):
         read(tmp_path / "a.wav")
+
+
+@pytest.mark.parametrize("head", ["", "Unnamed: 0"])
+@pytest.mark.parametrize("steps", [[2] * 11, [1, 1, 4, 1, 1, 1, 2, 1, 1, 1, 1]])
+def test_an_index_in_any_step_is_no_channel_and_may_be_the_time(
+    head: str, steps: list[int], tmp_path: Path
+) -> None:
+    index = np.cumsum([30, *steps])
+    path = tmp_path / "a.csv"
+    path.write_text(f"{head},acc_x,acc_y\n" + "".join(f"{n},{n % 3},{n % 2}.5\n" for n in index))
+    one = read(path)
+    called = head or "column 1"
+    assert one.channels == ("acc/x", "acc/y") and one.times[-1] == pytest.approx(11 / 30)
+    notes = one.provenance["notes"]
+    assert f"left out, as they count or label: {called}" in notes
+    assert f"--set series.time='{called}', without which the samples come at 30 a second" in notes
+    np.testing.assert_allclose(read(path, time=called, per_second=100.0).times, (index - 30) / 100)
+    path.write_text(f"{head},time,acc_x\n" + "".join(f"{n},{k / 10},{k % 3}\n" for k, n in enumerate(index)))
+    timed = read(path)
+    assert timed.channels == ("acc_x",) and "series.time" not in timed.provenance["notes"]
+    path.write_text(f"{head},acc_x\n" + "".join(f"{n}.5,{n % 3}\n" for n in index))
+    assert len(read(path).channels) == 2, "fractions may be a movement"

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from gesture_core.errors import ConfigError, GestureError, InputError
+from gesture_core.errors import Code, ConfigError, GestureError, InputError
 from gesture_core.report.event_files import tiers, write_event_files
-from gesture_core.run.annotations import annotation_files, read_annotations
+from gesture_core.run.annotations import annotation_files, read_annotations, unknown_labels
+from gesture_core.spot.evaluation import Annotation
 from gesture_core.types import Row
 
 ROWS = [
@@ -99,13 +100,41 @@ def test_annotations_in_a_table(tmp_path: Path) -> None:
     ]
 
 
+def test_a_table_with_semicolons_has_decimal_commas(tmp_path: Path) -> None:
+    table = tmp_path / "marks.csv"
+    table.write_text("input;start;end;label\na/one.mp4;1,25;2.5;wave\nnone;3;;clap\n", "utf-8-sig")
+    marks = list(read_annotations([table], ROWS))
+    assert [(m.start, m.end, m.label) for m in marks] == [(1.25, 2.5, "wave"), (3, 3, "clap")]
+
+
+def test_annotations_that_are_not_there_are_not_found(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="E_NOT_FOUND") as caught:
+        annotation_files(tmp_path / "no.csv")
+    assert Code(caught.value.code).exit_code == 2
+
+
+def test_labels_that_no_event_can_have_are_said(tmp_path: Path) -> None:
+    marks = [Annotation("a", n, n + 1, label) for n, label in enumerate("wave Wave Wave winken".split())]
+    with pytest.warns(UserWarning, match=r"3 of 4 .*'Wave' \(2, did you mean wave\?\), 'winken' \(1") as said:
+        assert unknown_labels(marks, {"wave", "clap"}, "m.csv") == {"Wave": 2, "winken": 1}
+    assert str(said[0].message).endswith("the run has clap, wave")
+    assert unknown_labels(marks[:1], {"wave"}, "m.csv") == {} == unknown_labels([], {"wave"}, "m.csv")
+    with pytest.raises(ConfigError, match=r"E_LABELS .*did you mean wave.*clap, wave") as caught:
+        unknown_labels(marks[1:], {"wave", "clap"}, "m.csv")
+    assert Code(caught.value.code).exit_code == 2
+
+
 @pytest.mark.parametrize(
     ("text", "cause"),
     [
         ("path,start,end,label\nelse,1,2,wave\n", "no input of the run"),
         ("path,start,end,label\none,1,2,wave\n", "may be"),
         ("path,start,end,label\nnone,soon,2,wave\n", "line 2"),
-        ("path,start,end,label\nnone,3,2,wave\n", "line 2"),
+        ("path,start,end,label\nnone,3,2,wave\n", "line 2: its end 2 lies before its start 3"),
+        ("path;start;end;label\nnone;2,9;0,0;wave\n", "line 2: its end 0 lies before its start 2.9"),
+        ("path,start,end,label\nnone,-1,2,wave\n", "line 2: -1 lies before the start of the recording"),
+        ("path,start,end,label\nnone,nan,2,wave\n", "line 2: has no time"),
+        ('path,start,end,label\nnone,"1,5",2,wave\n', "line 2: has no time"),
         ("path,begin,label\nnone,3,wave\n", "columns"),
     ],
 )

@@ -17,7 +17,7 @@ from gesture_core.cli.classify import say_summary
 from gesture_core.cli.main import run as gesture
 from gesture_core.demo.archive import DemoArchive
 from gesture_core.dtw.subsequence import reference_subsequences
-from gesture_core.errors import PluginError
+from gesture_core.errors import ConfigError, PluginError
 from gesture_core.report.run_page import write_report
 from gesture_core.run.pipeline import RunSummary
 from gesture_core.run.rows import nearer
@@ -95,7 +95,9 @@ def test_limits_on_the_labels_of_clips_are_refused(
     assert not any(tmp_path.iterdir())
 
 
-def test_a_row_for_every_event_and_one_for_none(drawn: DemoArchive, recordings: Path, tmp_path: Path) -> None:
+def test_a_row_for_every_event_and_one_for_none(
+    drawn: DemoArchive, recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     sources = [recordings / "six.npz", recordings / "still.npz"]
     out = tmp_path / "run"
     first = spot_archive(sources, drawn.example_keypoints, out, engine="inline", **CHANGES)
@@ -111,9 +113,20 @@ def test_a_row_for_every_event_and_one_for_none(drawn: DemoArchive, recordings: 
     again = spot_archive(sources, drawn.example_keypoints, out, engine="inline", **CHANGES)
     assert again.done_now == 0 and again.rows() == rows
     table = tmp_path / "marks.csv"
-    table.write_text((recordings / "marks.txt").read_text("utf-8"), "utf-8")
-    scores = evaluate_events(out, table)
-    assert (scores.annotated, scores.reported) == (6, len(events))
+    marks = (recordings / "marks.txt").read_text("utf-8")
+    table.write_text(marks, "utf-8")
+    with pytest.raises(ConfigError, match="no annotation has a label of the run"):
+        evaluate_events(out, table)
+    table.write_text(
+        marks.replace("any", str(events[0].label).upper(), 1).replace("any", str(events[0].label), 2)
+    )
+    capsys.readouterr()
+    assert gesture(["evaluate", str(out), "--events", str(table)]) == 0
+    said = capsys.readouterr()
+    scores = json.loads(said.out)
+    assert (scores["annotated"], scores["reported"]) == (6, len(events))
+    assert scores["unknown"] == {str(events[0].label).upper(): 1, "any": 3}
+    assert f"did you mean {events[0].label}?" in said.err
 
 
 def test_classify_names_what_is_for_long_inputs(drawn: DemoArchive, recordings: Path, tmp_path: Path) -> None:

@@ -269,7 +269,10 @@ def test_ctrl_c_ends_it_with_what_is_known_and_a_summary(
     done = capsys.readouterr()
     lines = [json.loads(line) for line in done.out.splitlines()]
     assert lines and {"label", "start", "end", "score", "late", "at"} <= lines[0].keys()
-    assert json.loads(done.err.splitlines()[-1])["events"] == len(lines)
+    said = [json.loads(line) for line in done.err.splitlines() if line.startswith("{")]
+    assert said[-1]["events"] == len(lines)
+    number = len(list(drawn.example_keypoints.glob("*/*")))
+    assert (said[0]["event"], said[0]["inputs"], said[0]["examples"]) == ("planned", 1, number)
 
 
 def test_a_camera_that_cannot_be_opened_is_the_error_and_no_summary(

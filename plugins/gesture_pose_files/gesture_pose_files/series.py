@@ -196,7 +196,7 @@ class SeriesReader:
         notes: Sequence[str] = (),
     ) -> Recording:
         """A recording from named columns, one of which, ``clock``, may be the time."""
-        other = [name for name in columns if name != clock and self._no_channel(name, columns[name])]
+        other = [name for name in columns if name != clock and self._no_channel(name, columns[name], named)]
         rising = [name for name, one in columns.items() if _rises(one)]
         if clock is None and not rate:
             clock = next((name for name in other if name in rising and unit_of_time(name)), None)
@@ -217,15 +217,22 @@ class SeriesReader:
         values = np.stack([columns[name] for name in rest], axis=1)
         times = [name for name in rising if (np.diff(columns[name]) != 1).any()]
         if clock is None and not rate and len(values) >= _STILL and times:
-            notes.append(f"{times[0]} only ascends: if it is the time, --set series.time={times[0]!r}")
+            notes.append(
+                f"{times[0]} only ascends: if it is the time, --set series.time={times[0]!r}, "
+                f"without which the samples come at {self.options.rate:g} a second"
+            )
         return self._recording(values, channels, said, source, notes, rate)
 
-    def _no_channel(self, name: str, values: np.ndarray) -> bool:
-        """Whether a column counts or labels; one without a name does so where it is as even as the rows."""
+    def _no_channel(self, name: str, values: np.ndarray, named: bool) -> bool:
+        """Whether a column counts or labels.
+
+        One without a name among ``named`` ones is an index where it ascends in whole numbers; without any
+        names, where it is as even as the rows.
+        """
         if name in self.groups:
             return False
         if name.startswith("column ") and len(values) > 1:
-            return bool((np.diff(values) == 1).all())
+            return not is_channel("index", values) if named else bool((np.diff(values) == 1).all())
         return not is_channel(name, values)
 
     def _text(self, path: Path, source: str) -> Recording:
