@@ -60,12 +60,17 @@ def _apart(identities: Sequence[int | None]) -> bool:
 def _identified(
     frames: Sequence[Sequence[Person]], joints: int, identities: Sequence[Sequence[int | None]]
 ) -> list[Track]:
-    by_person: dict[int | None, list[list[Person]]] = {}
+    by_person: dict[int | None, dict[int, Person]] = {}
     for index, (frame, names) in enumerate(zip(frames, identities, strict=True)):
         for one, name in zip(frame, names, strict=True):
-            by_person.setdefault(name, [[] for _ in frames])[index].append(one)
-    found = [_alone(mine, joints) for mine in by_person.values()]
-    return sorted(found, key=lambda track: -float(track[1].sum()))[:MAX_PEOPLE]
+            by_person.setdefault(name, {})[index] = one
+    strongest = sorted(
+        by_person.values(), key=lambda mine: -sum(float(p.scores.sum()) for p in mine.values())
+    )
+    return [
+        _alone([[mine[index]] if index in mine else [] for index in range(len(frames))], joints)
+        for mine in strongest[:MAX_PEOPLE]
+    ]
 
 
 def _tracked(frames: Sequence[Sequence[Person]], joints: int) -> list[Track]:
