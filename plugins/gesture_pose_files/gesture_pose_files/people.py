@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -42,6 +43,16 @@ def tracks(
     if people == "multi":
         return found or [_alone([[] for _ in frames], joints)]
     return [_joined(found)] if found else [_alone([frame[:1] for frame in frames], joints)]
+
+
+def left_out(
+    frames: Sequence[Sequence[Person]], people: str, identities: Sequence[Sequence[int | None]] = ()
+) -> list[str]:
+    """A clause where more people are wanted than `tracks` gives."""
+    numbered = bool(identities) and all(_apart(frame) for frame in identities)
+    most = len({*chain(*identities)}) if numbered else max(map(len, frames), default=0)
+    crowd = people == "multi" and most > MAX_PEOPLE
+    return [f"of {most} people the {MAX_PEOPLE} best seen are read"] if crowd else []
 
 
 def _alone(frames: Sequence[Sequence[Person]], joints: int) -> Track:
