@@ -52,9 +52,13 @@ def test_an_index_that_repeats_is_of_several_clips(tmp_path: Path, header: list[
     assert "repeat" in error.cause and "column person" in str(error.remedy)
 
 
-@pytest.mark.parametrize("index", [[0] * FRAMES, [*range(7, 7 + 5 * FRAMES, 5)]], ids=["zeros", "with gaps"])
-def test_an_index_of_zeros_or_with_gaps_changes_nothing(tmp_path: Path, index: list[int]) -> None:
-    rows = [[number, *row] for number, row in zip(index, ROWS, strict=True)]
+@pytest.mark.parametrize(
+    "index",
+    [[0] * FRAMES, [*range(7, 7 + 5 * FRAMES, 5)], [*range(FRAMES - 1), np.inf]],
+    ids=["zeros", "with gaps", "endless"],
+)
+def test_an_index_of_zeros_or_with_gaps_changes_nothing(tmp_path: Path, index: list[float]) -> None:
+    rows = [[f"{number:g}", *row] for number, row in zip(index, ROWS, strict=True)]
     (pose,) = read(save(tmp_path / "k.csv", ["", *named(COCO17.joints)], rows), fps=10)
     same(pose, POINTS, COCO17.joints)
     np.testing.assert_allclose(pose.times, np.arange(FRAMES) / 10)
@@ -216,7 +220,7 @@ def test_a_person_whose_number_changes_stays_one(tmp_path: Path) -> None:
 def test_tracks_before_and_after_the_longest_one_are_joined(tmp_path: Path) -> None:
     header = ["frame", "track_id", *named(COCO17.joints)]
     of_whom = [5, 5, 3, 3, 3, 1, 1, 1, 1, 2, 2, 4]
-    rows = [[frame, of_whom[frame], *ROWS[frame]] for frame in TURNED]
+    rows: list[list[object]] = [[frame, of_whom[frame], *ROWS[frame]] for frame in TURNED]
     (pose,) = read(save(tmp_path / "k.csv", header, rows))
     same(pose, POINTS, COCO17.joints)
     assert "5 people or tracks that follow" in pose.provenance["notes"]
@@ -240,7 +244,7 @@ def test_two_people_below_each_other_are_refused_where_nothing_numbers_the_rows(
 
 
 def test_who_was_away_meanwhile_may_be_elsewhere(tmp_path: Path) -> None:
-    rows = [*ROWS, *[[""] * len(ROWS[0])] * 5, *flat(person(COCO17.joints, 900))]
+    rows = flat(np.concatenate([POINTS, np.zeros((5, 17, 2)), person(COCO17.joints, 900)]))
     (pose,) = read(save(tmp_path / "k.csv", named(COCO17.joints), rows))
     check_plausible(pose)
 

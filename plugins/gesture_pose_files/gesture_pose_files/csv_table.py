@@ -29,7 +29,7 @@ from gesture_pose_files.ordering import (
     frame_numbers,
     in_order,
 )
-from gesture_pose_files.people import tracks
+from gesture_pose_files.people import left_out, tracks
 from gesture_pose_files.reader import OneClipReader, with_lost
 from gesture_pose_files.table import (
     MAX_LINE,
@@ -320,6 +320,7 @@ class CsvReader(OneClipReader):
         frames, first = rows.frames()
         most = max(len(frame) for frame in frames)
         notes.append(f"up to {most} people in a frame told apart by their place, as no column does")
+        notes += left_out(frames, self.people)
         for points, scores in tracks(frames, joints, self.people):
             yield points, scores, first, notes
 

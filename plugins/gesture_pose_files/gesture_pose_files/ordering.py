@@ -184,7 +184,7 @@ def by_index(
                 code="E_KEYPOINTS_FORMAT",
             )
         index = np.array(values, np.float64)
-        if np.isnan(index).any() or (index == index[0]).all():
+        if not np.isfinite(index).all() or (index == index[0]).all():
             continue
         if (index % 1 != 0).any():
             return index, None, []
