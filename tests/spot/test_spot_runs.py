@@ -120,6 +120,7 @@ def test_a_row_for_every_event_and_one_for_none(
     table.write_text(
         marks.replace("any", str(events[0].label).upper(), 1).replace("any", str(events[0].label), 2)
     )
+    assert gesture(["evaluate", str(out), "--events", str(tmp_path / "no.csv")]) == 2
     capsys.readouterr()
     assert gesture(["evaluate", str(out), "--events", str(table)]) == 0
     said = capsys.readouterr()
