@@ -120,7 +120,7 @@ class Code(StrEnum):
     KEYPOINTS_IMPLAUSIBLE = (
         "E_KEYPOINTS_IMPLAUSIBLE", "keypoints of no possible body", "other --set keypoints.…=…"
     )
-    KEYPOINTS_LIMIT = "E_KEYPOINTS_LIMIT", "a keypoint file exceeds a limit", "a larger --set limits.frames=…"
+    KEYPOINTS_LIMIT = "E_KEYPOINTS_LIMIT", "a keypoint file exceeds a limit", "split it"
     SKELETON = "E_SKELETON", "no such skeleton", "one that the message lists"
 
     # People and their movement.

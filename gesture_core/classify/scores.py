@@ -149,8 +149,8 @@ class Evaluation:
         sure = sure[np.isfinite(sure)]
         if not len(sure):
             return None
-        drawn = np.random.default_rng(0).uniform(size=(_DRAWN, len(sure))) < sure
-        found = [_gap(sure, right) for right in drawn]
+        random = np.random.default_rng(0)  # one outcome at a time: of a million labels all are gigabytes
+        found = [_gap(sure, random.uniform(size=len(sure)) < sure) for _ in range(_DRAWN)]
         return float(np.mean(found)), float(np.quantile(found, 0.95))
 
     def _curve(self, values: np.ndarray, sign: float) -> list[tuple[float, float, float]]:

@@ -267,8 +267,9 @@ def _print_confidence(evaluation: Evaluation) -> None:
     else:
         limit = int(1000 * point[0]) / 1000  # below the input that it is to keep
         print(f"{goal} use --set classify.confidence={limit:g}: {point[1]:.0%} of the inputs keep a label")
-    assert evaluation.exact_error is not None, "labels have probabilities"
-    mean, most = evaluation.exact_error
+    exact = evaluation.exact_error
+    assert exact is not None, "labels have probabilities"
+    mean, most = exact
     print(
         f"expected calibration error of the confidence: {evaluation.calibration_error:.3f}; exact ones of as "
         f"many labels show {mean:.3f} on the average, and {most:.3f} at most in 95 of 100 cases"

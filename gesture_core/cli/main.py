@@ -68,6 +68,8 @@ for _name, _help in _COMMANDS.items():
 
 _WITH_SETTINGS = {"extract": ("pose", "keypoints", "limits"), "render": ("pose", "limits"), "bench": ("dtw",)}
 """Sections whose settings have a meaning in a command that knows some alone."""
+_OF_LABELS = ("reject", "reject_sd", "margin", "min_score", "confidence")
+"""Settings of ``classify`` that refuse labels: events and places have none of them."""
 _EMPTY = re.compile(r"--(examples|out|to)=")
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{16}\.tmp-)+")
 FLAGS_OF_EVERY_COMMAND = {"--traceback": "GESTURE_TRACEBACK", "--no-cache": "GESTURE_NO_CACHE"}
@@ -226,8 +228,11 @@ def _usage(error: CycloptsError, arguments: Sequence[str]) -> str:
         cause, meant, rest = str(error).partition(" Did you mean ")
         cause = cause.partition(" Available commands")[0].rstrip(". ")
         option = cause.rpartition(" --")[2].replace("-", "_")
-        owners = _owners(option, next(iter(chain), "")) if cause.startswith("Unknown option") else []
-        if owners:
+        command = next(iter(chain), "")
+        owners = _owners(option, command) if cause.startswith("Unknown option") else []
+        if option in _OF_LABELS and command in ("spot", "watch"):
+            remedy = "--set spot.tolerance=VALUE or --set spot.threshold=VALUE, which events have instead"
+        elif owners:
             remedy = " or ".join(f"--set {owner}.{option}=VALUE" for owner in owners)
         elif meant:
             remedy = f"{rest.partition('?')[0]}, or {remedy}"
@@ -239,6 +244,8 @@ def _owners(option: str, command: str) -> list[str]:
     from gesture_core.settings.load import fields_of
     from gesture_core.settings.schema import SECTIONS
 
+    if option in _OF_LABELS and command == "find":
+        return []
     every = tuple(SECTIONS) if command in ("classify", "evaluate", "demo", "spot", "watch", "find") else ()
     return [section for section in _WITH_SETTINGS.get(command, every) if option in fields_of(section)]
 

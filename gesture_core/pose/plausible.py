@@ -51,12 +51,13 @@ def check_plausible(pose: PoseSequence, *, axes_stated: bool = False) -> list[st
         pose = replace(pose, keypoints=np.where(zero[..., None], np.float32(np.nan), pose.keypoints))
     body = pose.onto("coco18")
     points = body.keypoints.astype(np.float64)
-    points = points[body.seen.any(axis=1)]
+    rows = np.flatnonzero(body.seen.any(axis=1))
+    points = points[rows]
     if len(points) < _FRAMES:
         return []
     assumed = {part.partition("=")[0] for part in pose.provenance.get("assumed", "").split(", ")}
     extent = _size(pose, points)
-    notes = _one_person(pose, points, extent)
+    notes = _one_person(pose, points, rows, extent)
     order = ""
     if "order" in assumed:
         joints = len(skeleton(pose.skeleton).joints)
@@ -115,7 +116,7 @@ def _size(pose: PoseSequence, points: np.ndarray) -> float:
     return extent
 
 
-def _one_person(pose: PoseSequence, points: np.ndarray, extent: float) -> list[str]:
+def _one_person(pose: PoseSequence, points: np.ndarray, rows: np.ndarray, extent: float) -> list[str]:
     """What is odd where rows seem to belong to several people; refused where they do in turn."""
     if not extent:
         return []
@@ -126,10 +127,10 @@ def _one_person(pose: PoseSequence, points: np.ndarray, extent: float) -> list[s
         steps = steps[np.isfinite(steps).any(axis=1)]
         return np.asarray(np.nanmedian(steps, axis=1) / extent) if len(steps) else np.zeros(1)
 
-    if "index" in pose.provenance.get("times", "") and (row := _cut(points, extent)):
+    if "index" in pose.provenance.get("times", "") and (row := _cut(points, rows, extent)):
         raise _refused(
             pose,
-            f"all joints of the first {row} rows lie elsewhere than those of the {len(points) - row} below: "
+            f"all joints of the first {row} rows lie elsewhere than those of the {len(pose) - row} below: "
             "the rows are those of two people or clips",
             "a column that tells people apart (person) or frames (frame), or one file for each",
         )
@@ -153,25 +154,22 @@ def _one_person(pose: PoseSequence, points: np.ndarray, extent: float) -> list[s
     return notes
 
 
-def _cut(points: np.ndarray, extent: float) -> int:
+def _cut(points: np.ndarray, rows: np.ndarray, extent: float) -> int:
     """The row at which everybody is elsewhere from one to the next, before and after in one place; or 0."""
-    joints = np.isfinite(points).all(axis=2)
-    rows = joints.any(axis=1)
-    middle = np.array(
-        [np.median(one[seen], axis=0) for one, seen in zip(points, joints, strict=True) if seen.any()]
-    )
+    middle = np.nanmedian(points, axis=1)
     steps = np.linalg.norm(np.diff(middle, axis=0), axis=1)
-    if rows.sum() < 2 * _FRAMES or (steps > _JUMP * extent).sum() != 1:
+    at = int(steps.argmax()) + 1
+    sides = middle[:at], middle[at:]
+    if (steps > _JUMP * extent).sum() != 1 or min(map(len, sides)) < _FRAMES:
         return 0
-    row = int(steps.argmax()) + 1
-    sides = [side for side in (middle[:row], middle[row:]) if len(side) >= _FRAMES]
+    if rows[at] - rows[at - 1] > 1:  # who was not seen meanwhile may have gone there
+        return 0
     places = [np.median(side, axis=0) for side in sides]
-    still = [
+    still = all(
         np.linalg.norm(side - place, axis=1).max() < _JUMP * extent
         for side, place in zip(sides, places, strict=True)
-    ]
-    apart = len(sides) == 2 and np.linalg.norm(places[0] - places[1]) > extent
-    return row if apart and all(still) else 0
+    )
+    return int(rows[at]) if still and np.linalg.norm(places[0] - places[1]) > extent else 0
 
 
 def _arms(pose: PoseSequence, points: np.ndarray, torso: float, order: str) -> None:

@@ -68,6 +68,7 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
     """All numbers of an evaluation as plain values, fit for JSON: shares are 0 to 1, nothing is NaN."""
     columns, counts = evaluation.confusion()
     low, high = evaluation.interval
+    exact = evaluation.exact_error
     return {
         "preset": evaluation.settings.preset,
         "changes": evaluation.changes,
@@ -95,7 +96,7 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
             for p, c, a in thinned(evaluation.confidence_curve())
         ],
         "expected_calibration_error": evaluation.calibration_error,
-        "the_same_if_exact": evaluation.exact_error,
+        "expected_calibration_error_if_exact": exact and {"mean": exact[0], "quantile_95": exact[1]},
         "not_recognised": [a.name for a in evaluation.answers if a.predicted is None],
     }
 

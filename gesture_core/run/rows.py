@@ -24,7 +24,7 @@ _NOBODY_IN_FILE = (
 )
 _MORE, _FARTHEST = 5, 3.0
 """Events that a hint lets in at most, and times their threshold that they are away at most."""
-_FAR = "try: a clip of one gesture, gesture render to see what the network sees, or a larger --reject"
+_SEEN = "gesture render to see what the network sees"
 
 
 def unread_row(item: Input, fingerprint: str) -> Row:
@@ -118,7 +118,10 @@ def rows_of(
         prediction = Prediction(None, "ok") if decided is None else prediction_of(decided[number])
         code = Code.of(prediction.code)
         # What helps where an example is too far; a threshold of scores says it itself.
-        far = prediction.code == "E_REJECTED" and "; try: " not in prediction.message
+        far = ""
+        if prediction.code == "E_REJECTED" and "; try: " not in prediction.message:
+            seen_by = f", {_SEEN}," if seen.box else ""
+            far = f"; try: a clip of one gesture{seen_by} or a larger --reject"
         row = replace(
             base,
             person=seen.person,
@@ -133,7 +136,7 @@ def rows_of(
             neighbors=prediction.neighbors,
             status="rejected" if code and code.status == "rejected" else prediction.status,
             code=prediction.code,
-            message=_about(item, f"{prediction.message}; {_FAR}" if far else prediction.message),
+            message=_about(item, prediction.message + far),
             frames_with_pose=seen.frames,
             selected=prediction.selected,
             note="; ".join(filter(None, (base.note, prediction.note))),
@@ -145,13 +148,13 @@ def rows_of(
 def nearer(refused: Sequence[float], spot: SpotSettings) -> str:
     """The setting that would let in some gestures that are so many times as far as their thresholds."""
     some = [times for times in sorted(refused)[:_MORE] if times <= _FARTHEST]
-    if not some:
-        return ""
     name, now = "tolerance", spot.tolerance
     if spot.threshold is not None:
         name, now = "threshold", spot.threshold
+    if not some or now == 0:  # no number of times nothing is enough
+        return ""
     needed = some[-1] * now
-    step = 10.0 ** (math.floor(math.log10(needed)) - 1) if needed > 0 else 1.0
+    step = 10.0 ** (math.floor(math.log10(needed)) - 1)
     value = math.ceil(needed / step) * step
     marked = "" if spot.threshold is not None else ", or --calibrate with marked recordings"
     return f"--set spot.{name}={value:.2g}, which would let {len(some)} more in{marked}"
@@ -167,7 +170,7 @@ def _event_rows(base: Row, item: Input, tree: dict[str, Any], spot: SpotSettings
             if refused
             else ""
         )
-        remedies = [nearer(refused, spot), "more examples", "gesture render to see what the network sees"]
+        remedies = [nearer(refused, spot), "more examples", _SEEN if base.box else ""]
         message = (
             f"{item.name}: none of the examples was recognised in {base.seconds:.1f} s; {near}"
             f"try: {'; '.join(filter(None, remedies))}"

@@ -114,6 +114,7 @@ class SpottingExamples:
         tempos = 1 + len(chosen.tempos)
         still = np.array([not one.selected for one in series[::tempos]])
         plain = replace(settings, spot=replace(chosen, chain=(), verify=False))
+        judged = chosen.verify and len(classes) > 1  # of one class alone there is nothing to tell it from
         made = cls(
             settings,
             chain,
@@ -125,8 +126,8 @@ class SpottingExamples:
             np.array([still[codes == code].mean() > 0.5 for code in range(len(classes))]),
             np.full(len(classes), np.inf),
             False,
-            Recognizer.fit(settings, poses, list(labels), names, alive=alive) if chosen.verify else None,
-            cls.fit(plain, poses, labels, names, alive=alive) if chosen.verify and chosen.chain else None,
+            Recognizer.fit(settings, poses, list(labels), names, alive=alive) if judged else None,
+            cls.fit(plain, poses, labels, names, alive=alive) if judged and chosen.chain else None,
         )
         return made._with_thresholds(alive)
 

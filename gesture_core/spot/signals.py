@@ -39,7 +39,7 @@ def refuse_limits(settings: Settings) -> None:
         if value is not None:
             raise ConfigError(
                 f"classify.{name} = {value:g} is for the labels of clips, and says nothing about events",
-                remedy=f"--set classify.{name}=none; for events --set spot.tolerance=… or spot.threshold=…",
+                remedy=f"--set classify.{name}=none; for events a lower --set spot.tolerance=…",
                 code="E_OPTION",
             )
 

@@ -129,8 +129,10 @@ class Camera:
                 done, picture = capture.retrieve()
                 return picture if done else None
 
+            # After that a stream is lost, whatever its decoder has left; a camera may take longer to start.
+            longest = float("inf") if isinstance(self.address, int) else TIMEOUT
             asked = self.clock()
-            while capture.grab() and (now := self.clock()) - asked < TIMEOUT:  # a decoder has some left
+            while capture.grab() and (now := self.clock()) - asked < longest:
                 self._began[:] = self._began or [now]
                 yield now - self._began[0], give
                 asked = self.clock()

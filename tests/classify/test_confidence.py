@@ -14,6 +14,7 @@ from gesture_core.classify.decision import probabilities, temperature_of, votes_
 from gesture_core.classify.evaluation import Compared, Labelled, answer
 from gesture_core.classify.scores import Answer, Evaluation
 from gesture_core.errors import InputError
+from gesture_core.report.evaluation import summary
 from gesture_core.settings import Settings, load_settings
 
 MODERN = load_settings("modern", environment={})
@@ -133,9 +134,10 @@ def test_of_few_labels_exact_probabilities_are_off_too() -> None:
         mean, most = found.exact_error
         assert mean < most and found.calibration_error < 1.2 * most
         means.append(mean)
+        assert summary(found)["expected_calibration_error_if_exact"] == {"mean": mean, "quantile_95": most}
     assert 0.07 < means[0] < 0.1 and 0.02 < means[1] < 0.04
     nothing = Evaluation([Answer("x", "a", "s", "f", None, 1.0, 1.0)], "split", MODERN)
-    assert nothing.exact_error is None
+    assert nothing.exact_error is None and summary(nothing)["expected_calibration_error_if_exact"] is None
 
 
 def test_an_evaluation_says_what_a_smallest_score_costs() -> None:

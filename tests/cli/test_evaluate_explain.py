@@ -324,7 +324,7 @@ def test_explain_says_why(
     for name, why in (
         (
             "notes.md",
-            "E_NOT_FOUND notes.md: there is nothing to explain, skipped E_NOT_AN_INPUT: neither a video",
+            "E_NOT_FOUND notes.md: there is nothing to explain, skipped E_NOT_AN_INPUT: is empty, 0 bytes",
         ),
         ("short.npy", "E_NOT_FOUND short.npy: there is nothing to explain, rejected E_POSE_SHORT: "),
     ):

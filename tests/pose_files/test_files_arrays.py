@@ -355,3 +355,10 @@ def test_the_remedy_names_the_skeletons_of_a_size(tmp_path: Path) -> None:
     with pytest.raises(KeypointError) as caught:
         ArrayReader().read(tmp_path / "a.npy")
     assert "keypoints.order=kinect20" in caught.value.remedy
+
+
+def test_an_ear_and_two_shoulders_are_no_leg_of_another_order(tmp_path: Path) -> None:
+    points = np.zeros((20, 17, 2))
+    points[:, [4, 5, 6]] = (100, 100), (180, 160), (80, 162)
+    np.save(tmp_path / "k.npy", points)
+    assert ArrayReader().read(tmp_path / "k.npy")[0].skeleton == "coco17"

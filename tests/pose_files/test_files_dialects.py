@@ -14,6 +14,7 @@ from gesture_pose_files.openpose_json import OpenPoseJsonReader
 
 from gesture_core.errors import KeypointError
 from gesture_core.plugin.reading import ReadOptions
+from gesture_core.skeletons import COCO17
 
 T = 10
 RNG = np.random.default_rng(3)
@@ -235,3 +236,38 @@ def test_frames_as_mediapipe_editors_and_detectron_write_them(tmp_path: Path, ki
         np.testing.assert_allclose(pose.keypoints / (640, 480), MEDIA_PIPE[..., :2], atol=1e-5)
     else:
         assert pose.skeleton == "coco17"
+
+
+def test_joints_of_a_frame_are_known_by_their_names(tmp_path: Path) -> None:
+    names = list(COCO17.joints)
+    for number, frame in enumerate(COCO):
+        places = zip(names, frame.tolist(), strict=True)
+        marks = [{"name": name, "x": x, "y": y} for name, (x, y, _) in places]
+        (tmp_path / f"{number}.json").write_text(json.dumps(marks[::-1]))
+    (pose,) = OpenPoseJsonReader().read(tmp_path)
+    np.testing.assert_allclose(pose.keypoints, COCO[..., :2], rtol=1e-5)
+    for file in tmp_path.iterdir():
+        file.write_text(file.read_text().replace("nose", "tail"))
+    assert not OpenPoseJsonReader().accepts(tmp_path)
+
+
+@pytest.mark.parametrize("form", ["{}_01.npy", "{}.npy"])
+def test_a_clip_in_a_list_of_its_own_is_no_frame(tmp_path: Path, form: str) -> None:
+    path = tmp_path / form.format("clip")
+    np.save(path, COCO[None, ..., :2].reshape(1, T, -1))
+    assert ArrayReader().accepts(path) and not ArrayFramesReader().accepts(tmp_path)
+    np.testing.assert_allclose(ArrayReader().read(path)[0].keypoints, COCO[..., :2], rtol=1e-5)
+
+
+def test_frames_without_anybody_are_no_lost_ones_and_what_lies_beside_a_body_is_named(tmp_path: Path) -> None:
+    for number, frame in enumerate(MEDIA_PIPE):
+        nobody: object = [None, [], {"landmark": []}][number % 3]
+        hand = {"landmark": marks(near(21, 4)[0])}
+        message = {"poseLandmarks": nobody if number < 3 else marks(frame), "leftHandLandmarks": hand}
+        (tmp_path / f"{number}.json").write_text(json.dumps(message))
+    assert OpenPoseJsonReader().accepts(tmp_path)
+    (pose,) = OpenPoseJsonReader().read(tmp_path)
+    assert pose.seen.any(axis=1).tolist() == [False] * 3 + [True] * (T - 3)
+    assert "lost" not in pose.provenance
+    for note in ("hands and face beside landmarks", "depth (z) is not used"):
+        assert note in pose.provenance["notes"]

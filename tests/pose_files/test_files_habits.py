@@ -52,9 +52,13 @@ def test_an_index_that_repeats_is_of_several_clips(tmp_path: Path, header: list[
     assert "repeat" in error.cause and "column person" in str(error.remedy)
 
 
-@pytest.mark.parametrize("index", [[0] * FRAMES, [*range(7, 7 + 5 * FRAMES, 5)]], ids=["zeros", "with gaps"])
-def test_an_index_of_zeros_or_with_gaps_changes_nothing(tmp_path: Path, index: list[int]) -> None:
-    rows = [[number, *row] for number, row in zip(index, ROWS, strict=True)]
+@pytest.mark.parametrize(
+    "index",
+    [[0] * FRAMES, [*range(7, 7 + 5 * FRAMES, 5)], [*range(FRAMES - 1), np.inf]],
+    ids=["zeros", "with gaps", "endless"],
+)
+def test_an_index_of_zeros_or_with_gaps_changes_nothing(tmp_path: Path, index: list[float]) -> None:
+    rows = [[f"{number:g}", *row] for number, row in zip(index, ROWS, strict=True)]
     (pose,) = read(save(tmp_path / "k.csv", ["", *named(COCO17.joints)], rows), fps=10)
     same(pose, POINTS, COCO17.joints)
     np.testing.assert_allclose(pose.times, np.arange(FRAMES) / 10)
@@ -168,6 +172,19 @@ def test_columns_that_are_counted_behind_a_letter(tmp_path: Path, letter: str) -
     same(pose, points)
 
 
+@pytest.mark.parametrize("form", ["İß {}_{}_px", "{}_{} [ßpx]", "İİ_{}_{} (PX)"])
+def test_letters_beyond_ascii_stand_beside_units(tmp_path: Path, form: str) -> None:
+    (pose,) = read(save(tmp_path / "k.csv", named(COCO17.joints, form), ROWS))
+    same(pose, POINTS, COCO17.joints)
+
+
+def test_lines_above_a_table_end_where_lines_do(tmp_path: Path) -> None:
+    (tmp_path / "k.csv").write_text(lines("a\x0btitle\x1cof one line\u2028, and long"), encoding="utf-8")
+    (pose,) = read(tmp_path / "k.csv")
+    assert len(pose) == FRAMES
+    same(pose, POINTS, COCO17.joints)
+
+
 def test_half_a_joint_is_refused_with_the_column(tmp_path: Path) -> None:
     names = named(COCO17.joints)
     path = save(tmp_path / "k.csv", names[:-1], [row[:-1] for row in ROWS])
@@ -200,6 +217,15 @@ def test_a_person_whose_number_changes_stays_one(tmp_path: Path) -> None:
     assert len(read(path, "multi")) == 2
 
 
+def test_tracks_before_and_after_the_longest_one_are_joined(tmp_path: Path) -> None:
+    header = ["frame", "track_id", *named(COCO17.joints)]
+    of_whom = [5, 5, 3, 3, 3, 1, 1, 1, 1, 2, 2, 4]
+    rows: list[list[object]] = [[frame, of_whom[frame], *ROWS[frame]] for frame in TURNED]
+    (pose,) = read(save(tmp_path / "k.csv", header, rows))
+    same(pose, POINTS, COCO17.joints)
+    assert "5 people or tracks that follow" in pose.provenance["notes"]
+
+
 def test_people_who_come_one_after_the_other_elsewhere_are_two(tmp_path: Path) -> None:
     header = ["frame", "track_id", *named(COCO17.joints)]
     (pose,) = read(save(tmp_path / "k.csv", header, tracked(7, 900, range(4, FRAMES))))
@@ -214,6 +240,12 @@ def test_two_people_below_each_other_are_refused_where_nothing_numbers_the_rows(
     (pose,) = read(
         save(tmp_path / "k.csv", ["frame", *named(COCO17.joints)], [[n, *row] for n, row in enumerate(rows)])
     )
+    check_plausible(pose)
+
+
+def test_who_was_away_meanwhile_may_be_elsewhere(tmp_path: Path) -> None:
+    rows = flat(np.concatenate([POINTS, np.zeros((5, 17, 2)), person(COCO17.joints, 900)]))
+    (pose,) = read(save(tmp_path / "k.csv", named(COCO17.joints), rows))
     check_plausible(pose)
 
 

@@ -248,3 +248,47 @@ def test_where_the_thorax_is_named_it_is_the_neck(tmp_path: Path) -> None:
     (pose,) = read(path)
     assert pose.keypoints[0, COCO18.index("neck")].tolist() == [1, 2]
     assert pose.keypoints[0, COCO18.index("right_ankle")].tolist() == [5, 6]  # without another one
+
+
+DEEP = np.concatenate([person(COCO17.joints), 10 + person(COCO17.joints)[..., :1] / 4], axis=2)
+
+
+def deep_table(path: Path) -> Path:
+    names = [f"{joint}_{axis}" for joint in COCO17.joints for axis in "xyz"]
+    return save(path, names, [[f"{value:g}" for value in row] for row in DEEP.reshape(FRAMES, -1)])
+
+
+def long_table(path: Path) -> Path:
+    rows = [
+        [frame, joint, *(f"{value:g}" for value in place)]
+        for frame, places in enumerate(DEEP)
+        for joint, place in zip(COCO17.joints, places, strict=True)
+    ]
+    return save(path, ["frame", "joint", "x", "y", "z"], rows)
+
+
+@pytest.mark.parametrize("table", [deep_table, long_table])
+def test_a_third_coordinate_is_kept_where_it_is_wanted(tmp_path: Path, table: Callable[[Path], Path]) -> None:
+    (pose,) = read(table(tmp_path / "k.csv"), depth=True)
+    np.testing.assert_allclose(pose.keypoints, DEEP, atol=1e-3)
+    (flat_one,) = read(table(tmp_path / "k.csv"))
+    np.testing.assert_allclose(flat_one.keypoints, DEEP[..., :2])
+    assert "depth (z), which --preset depth uses" in flat_one.provenance["notes"]
+
+
+def test_a_joint_without_a_third_coordinate_is_named_and_a_table_of_such_refused(tmp_path: Path) -> None:
+    path = deep_table(tmp_path / "k.csv")
+    path.write_text(path.read_text().replace("nose_z", "other"))
+    (pose,) = read(path, depth=True)
+    assert "nose (no z)" in pose.provenance["notes"] and np.isnan(pose.keypoints[:, 0]).all()
+    plane = save(tmp_path / "p.csv", named(COCO17.joints), flat(DEEP[..., :2]))
+    assert "third coordinate" in refused(plane, depth=True).cause
+
+
+def test_people_told_apart_by_their_place_have_no_third_coordinate(tmp_path: Path) -> None:
+    path = deep_table(tmp_path / "k.csv")
+    header, *rows = path.read_text().splitlines()
+    beside = [",".join(f"{value:g}" for value in row.reshape(-1)) for row in DEEP + np.array([900, 0, 0])]
+    both = [f"{frame},{row}" for frame, pair in enumerate(zip(rows, beside, strict=True)) for row in pair]
+    path.write_text("\n".join([f"frame,{header}", *both]))
+    assert "no z is kept" in refused(path, depth=True).cause

@@ -107,6 +107,10 @@ def test_bones_of_other_programs_are_known(names: str) -> None:
     assert found[0] in ("mid_hip", None)
 
 
+def test_a_name_of_a_hundred_thousand_words_costs_no_more_than_to_read_it() -> None:
+    assert joint_names(["rig " * 100_000 + "L Hand", "tail " * 100_000]) == ["left_wrist", "tail " * 100_000]
+
+
 def test_what_lies_on_the_floor_is_no_hip() -> None:
     found = joint_names(["root", "pelvis", "upperarm_l", "upperarm_twist_01_l", "Neck", "Neck1"])
     assert found == ["the root", "mid_hip", "left_shoulder", "upperarm_twist_01_l", "neck", "Neck1"]

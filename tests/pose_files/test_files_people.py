@@ -102,3 +102,13 @@ def test_people_keep_the_number_that_the_file_gives_them(tmp_path: Path) -> None
     for sequence in (one, two):
         assert sequence.frames_with_pose == 6
         assert abs(sequence.keypoints[2, 0, 0] - sequence.keypoints[3, 0, 0]) == pytest.approx(500, abs=1e-2)
+
+
+@pytest.mark.parametrize("count", [32, 33])
+def test_a_crowd_that_is_not_read_whole_is_said(tmp_path: Path, count: int) -> None:
+    one = person(18, (0, 0))
+    for number in range(3):
+        write_frame(tmp_path, "clip", number, [one + np.array([300 * at, 0, 0]) for at in range(count)])
+    found = OpenPoseJsonReader(people="multi").read(tmp_path)
+    note = found[0].provenance.get("notes", "")
+    assert len(found) == 32 and (note == "of 33 people the 32 best seen are read") == (count > 32)

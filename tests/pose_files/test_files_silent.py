@@ -222,6 +222,13 @@ def test_frames_by_their_numbers(tmp_path: Path, form: str) -> None:
     same(reader.read(tmp_path)[0], points)
 
 
+def test_numbers_that_count_behind_a_point_are_those_of_frames(tmp_path: Path) -> None:
+    for shot in ("shot_010", "shot_020"):
+        for number in range(1, 12):
+            (tmp_path / f"{shot}.{number:04d}.json").write_text(json.dumps({"people": []}))
+    assert OpenPoseJsonReader().members(tmp_path) == ["shot_010", "shot_020"]
+
+
 def test_decimal_numbers_in_names_are_seconds_and_refused(tmp_path: Path) -> None:
     for number in range(30):
         (tmp_path / f"{number / 20:.2f}.json").write_text(json.dumps({"people": []}))

@@ -309,7 +309,7 @@ def test_a_prediction_says_where_many_frames_were_repaired() -> None:
     swap("wrist")(points["few"], [20])
     swap("wrist")(points["many"], [5, 6, 7, 20, 21, 30])
     classifier = GestureClassifier("modern", kernel="numpy").fit(
-        [pose(points["up"]), pose(waving("left_elbow"))], "ab"
+        [pose(points["up"]), pose(waving("left_elbow"))], ["a", "b"]
     )
     few, many = classifier.predictions([pose(points["few"]), pose(points["many"])])
     assert (few.label, few.note) == ("a", "")

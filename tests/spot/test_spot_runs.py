@@ -77,6 +77,7 @@ def test_what_was_too_far_is_counted_and_the_remedy_named(
     fixed = load_settings(None, ["spot.threshold=0.3"], environment={}).spot
     assert nearer((1.234,), fixed) == "--set spot.threshold=0.38, which would let 1 more in"
     assert not nearer((3.5,), fixed) and not nearer((), fixed)
+    assert not nearer((1.5,), replace(fixed, threshold=0.0)), "a larger one is no multiple of nothing"
     for counts in ({"ok": 3}, {"ok": 4}, {"rejected": 1}, {"rejected": 2}):  # one row says it itself
         say_summary(RunSummary(tmp_path, counts, refused=(1.5, 2.0, 1.25), nearer=hint))
         said = f"3 candidates farther than the thresholds; try: {hint}" in capsys.readouterr().err

@@ -198,6 +198,20 @@ def test_nothing_is_looked_at_again_where_nobody_judges_or_all_channels_were_the
         np.testing.assert_array_equal(examples.limits, examples.thresholds)
 
 
+def test_one_gesture_is_found_where_there_is_nothing_to_tell_it_from(
+    drawn: DemoArchive, string: tuple[PoseSequence, list[tuple[str, float, float]]]
+) -> None:
+    poses, labels = examples_of(drawn)
+    pose, truth = string
+    for wanted in sorted(set(labels)):
+        own = [pose for pose, label in zip(poses, labels, strict=True) if label == wanted]
+        events = Spotter(own, [wanted] * len(own), SETTINGS).spot(pose)
+        places = [mark for label, *mark in truth if label == wanted]
+        assert all(any(e.start < end and start < e.end for e in events) for start, end in places)
+        nearest = sorted(events, key=lambda event: event.distance)[: len(places)]
+        assert all(any(e.start < end and start < e.end for start, end in places) for e in nearest)
+
+
 def test_a_copied_example_leaves_room_for_what_is_no_copy(drawn: DemoArchive) -> None:
     poses, labels = examples_of(drawn)
     plain = load_settings(None, ["spot.tempos=", "spot.verify=false"], environment={})

@@ -133,6 +133,32 @@ def test_what_a_decoder_still_has_after_a_stall_does_not_hide_it(monkeypatch: py
     assert now[0] == pytest.approx(5.3)
 
 
+def test_a_camera_may_take_its_time_to_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Slow:
+        def __init__(self, *_: object) -> None:
+            self.waits = [9.0, 0.1, 0.1]
+
+        def set(self, *_: object) -> None:
+            pass
+
+        def grab(self) -> bool:
+            now[0] += self.waits[0] if self.waits else 0.0
+            return bool(self.waits and self.waits.pop(0))
+
+        def isOpened(self) -> bool:
+            return True
+
+        def release(self) -> None:
+            pass
+
+    now, seen = [0.0], []
+    monkeypatch.setattr(cv2, "VideoCapture", Slow)
+    with pytest.raises(InputError, match="camera 0: was lost"):
+        for seconds, _ in Camera(0, lambda: now[0]).frames(print):
+            seen.append(seconds)
+    assert seen == pytest.approx([0.0, 0.1, 0.2])
+
+
 def test_the_webhook_gets_every_event_and_a_deaf_one_is_said() -> None:
     got: list[dict[str, Any]] = []
 

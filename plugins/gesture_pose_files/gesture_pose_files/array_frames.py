@@ -17,7 +17,7 @@ from gesture_pose_files.layout import sequence
 from gesture_pose_files.npy import MAX_FILE_BYTES, read_array, read_header
 from gesture_pose_files.numbering import clip_in, clips_in, some_files
 from gesture_pose_files.reader import with_lost
-from gesture_pose_files.whole_body import is_one_frame, people_in
+from gesture_pose_files.whole_body import is_one_frame, is_one_person, people_in
 
 _LOOKED_AT = 3
 
@@ -41,8 +41,8 @@ class ArrayFramesReader:
         shapes = [*map(self._shape, some_files(path, ".npy", _LOOKED_AT))]
         if any(is_one_frame(shape, self.options) for shape in shapes if shape):
             return True
-        # (1, J, 2|3) is one person as networks give it; clips of one frame would be as good as none.
-        alone = [shape is not None and len(shape) == 3 and shape[0] == 1 for shape in shapes]
+        # As networks give one person; clips of one frame would be as good as none.
+        alone = [shape is not None and is_one_person(shape) for shape in shapes]
         return bool(alone) and all(alone)
 
     def _shape(self, file: Path) -> tuple[int, ...] | None:

@@ -22,7 +22,7 @@ from gesture_pose_files.npy import MAX_FILE_BYTES, read_array, read_header
 from gesture_pose_files.npz import Members, array_in, members_of, opened, shape_of
 from gesture_pose_files.numbering import number_in
 from gesture_pose_files.reader import Reader, clip_called
-from gesture_pose_files.whole_body import is_known, is_one_frame, people_in
+from gesture_pose_files.whole_body import is_known, is_one_frame, is_one_person, people_in
 
 _PICKLES = (".pkl", ".pickle", ".joblib")
 _NPY_MAGIC = b"\x93NUMPY"
@@ -81,7 +81,7 @@ class ArrayReader(Reader):
                 shape = read_header(file, printable(path))[0]
         except KeypointError:
             return False
-        alone = len(shape) == 3 and shape[0] == 1 and number_in(path.name) is not None
+        alone = is_one_person(shape) and number_in(path.name) is not None
         return alone or is_one_frame(shape, self.options)
 
     def members(self, path: Path) -> list[str]:

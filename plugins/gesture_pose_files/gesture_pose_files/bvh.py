@@ -43,6 +43,8 @@ _SIDED = {bone: joint for joint, bones in list(_BEGIN_AT.items())[:8] for bone i
 _SIDED["shoulder"] = "shoulder"  # the collar where there is an arm
 _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 _ENDS_AT = {"elbow": "wrist", "knee": "ankle"}
+_MOST_WORDS = 4
+"""Of a bone, behind what its rig is called."""
 _BLOCK = 4096
 """Frames whose turns are held at a time."""
 
@@ -183,7 +185,8 @@ def _bone(words: list[str]) -> tuple[str, str, bool]:
     if not sides and whole[:1] in _SIDES and whole[1:] in _SIDED:  # lfemur, LUArm
         return _SIDES[whole[0]], whole[1:], numbered
     known = _SIDED if sides else _MIDDLE
-    tails = ("".join(rest[begin:]) for begin in range(len(rest)))
+    last = rest[-_MOST_WORDS:]
+    tails = ("".join(last[begin:]) for begin in range(len(last)))
     bone = next((tail for tail in tails if tail in known), "")
     return (_SIDES[sides[0]] if len(sides) == 1 and bone else ""), bone if len(sides) < 2 else "", numbered
 

@@ -14,7 +14,7 @@ from gesture_core.types import Person, PoseSequence
 from gesture_pose_files.files import MAX_FRAMES
 from gesture_pose_files.json_people import Found
 from gesture_pose_files.layout import are_shares, by_count, sequence
-from gesture_pose_files.people import tracks
+from gesture_pose_files.people import left_out, tracks
 from gesture_pose_files.reader import with_lost
 from gesture_pose_files.scores import in_unit
 
@@ -107,6 +107,7 @@ class Clip:
         rest = iter(every)
         frames = [[next(rest) for _ in frame.people] for frame in self.frames]
         identities = [frame.identities for frame in self.frames]
+        notes += left_out(frames, people, identities)
         found = [
             sequence(
                 points,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -62,8 +63,8 @@ class Columns:
     ----------
     body : Skeleton or None
         Of the joints that are named; None in a long table, whose rows name them.
-    x, y, score : tuple of (int or None)
-        Column of each joint; one each in a long table.
+    x, y, z, score : tuple of (int or None)
+        Column of each joint; one each in a long table; z is empty where nothing has one.
     named : bool
         The header names the joints; otherwise it numbers them.
     time, frame, person, joint, clip : int or None
@@ -80,6 +81,7 @@ class Columns:
     x: tuple[int | None, ...]
     y: tuple[int | None, ...]
     score: tuple[int | None, ...]
+    z: tuple[int | None, ...] = ()
     named: bool = True
     time: int | None = None
     tick: float = 1.0
@@ -166,7 +168,7 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
         joints = [""]
     else:
         bare, unit = _without_units(names)
-        found = columns_of(bare, options, source) if unit else None
+        found = columns_of(bare, options, source) if unit and bare != [*names] else None
         return replace(found, unit=unit) if found else None
     time = next((role for role in single if role in _TIMES), None)
     frame = next((single[role] for role in single if role in FRAMES), None)
@@ -176,13 +178,20 @@ def columns_of(names: Sequence[str], options: ReadOptions, source: str) -> Colum
     index = tuple(column for role, column in single.items() if role in INDEX)
     known |= {*index, single.get("id")}
     unused = [n for column, n in enumerate(names) if column not in known]
-    if any((j, "z") in places for j in joints):
-        unused.append("depth (z)")
+    z = tuple(places.get((j, "z")) for j in joints)
+    flat = [f"{j} (no z)" for j, column in zip(joints, z, strict=True) if column is None]
+    if len(flat) == len(joints):
+        z = ()
+    elif options.depth:
+        unused[:0] = flat
+    else:
+        unused.insert(0, "depth (z), which --preset depth uses")
     return Columns(
         body,
         tuple(places.get((j, "x")) for j in joints),
         tuple(places.get((j, "y")) for j in joints),
         tuple(places.get((j, "score")) for j in joints),
+        z=z,
         named=body is None or len(named) > 1,
         time=single[time] if time else None,
         tick=_TIMES[time] if time else 1.0,
@@ -216,8 +225,8 @@ def _without_units(names: Sequence[str]) -> tuple[list[str], Unit | None]:
     for name in names:
         words = words_of(name)
         unit = UNITS.get(words[-1]) if len(words) > 1 else None
-        at = len(name) if unit is None else name.casefold().rindex(words[-1])
-        bare.append(name[:at])
+        ends = [*re.finditer(re.escape(words[-1]), name, re.IGNORECASE | re.ASCII)] if unit else []
+        bare.append(name[: ends[-1].start()] if ends else name)
         units |= {unit} if unit and _coordinate(words[:-1]) else set()
     return bare, ("metres" if "metres" in units else "pixels") if len(units) == 1 else None
 

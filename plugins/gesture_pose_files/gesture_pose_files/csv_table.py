@@ -29,7 +29,7 @@ from gesture_pose_files.ordering import (
     frame_numbers,
     in_order,
 )
-from gesture_pose_files.people import tracks
+from gesture_pose_files.people import left_out, tracks
 from gesture_pose_files.reader import OneClipReader, with_lost
 from gesture_pose_files.table import (
     MAX_LINE,
@@ -150,8 +150,9 @@ class CsvReader(OneClipReader):
         R's tables name their columns, but not that of the numbers or names of the rows before them.
         """
         find = partial(columns_of, options=self.options, source=source)
-        lines = head.decode("utf-8-sig", "replace").splitlines()[:_LOOKED_AT]
-        above = lines_above(lines)
+        text = head.decode("utf-8-sig", "replace")
+        lines = [line.strip("\r") for line in text.split("\n", _LOOKED_AT)[:_LOOKED_AT]]
+        above = 0 if b"\0" in head else lines_above(lines)
         if max((len(cells_of(line, separator(lines[-1]))) for line in lines[:above]), default=0) >= _WIDE:
             above = 0  # rows of another table
         for _ in range(above):
@@ -224,7 +225,8 @@ class CsvReader(OneClipReader):
         source: str,
         notes: Sequence[str] = (),
     ) -> list[PoseSequence]:
-        places = [*columns.x, *columns.y, *columns.score, columns.time]
+        z = columns.z if self.options.depth else ()
+        places = [*columns.x, *columns.y, *columns.score, *z, columns.time]
         wanted = sorted({place for place in places if place is not None})
         most = MAX_FRAMES if columns.joint is None else _MAX_JOINT_ROWS
         cut: list[KeypointError] = []
@@ -234,7 +236,8 @@ class CsvReader(OneClipReader):
         table, texts = numbers_of(rows, len(names), wanted, names, most, source, columns.time)
         if np.isinf(table).any():
             raise KeypointError("holds an infinite value", subject=source, code="E_KEYPOINTS_VALUE")
-        refuse_thousands(table[:, [place for place in (*columns.x, *columns.y) if place is not None]], source)
+        coordinates = [place for place in (*columns.x, *columns.y, *z) if place is not None]
+        refuse_thousands(table[:, coordinates], source)
         rest = [column for column in range(len(names)) if column not in wanted]
 
         def text_of(column: int | None) -> list[str] | None:
@@ -258,7 +261,7 @@ class CsvReader(OneClipReader):
             times = times - np.nanmin(times)
         frames = text_of(columns.frame)
         every = Rows(
-            np.stack([_take(table, c) for c in (columns.x, columns.y, columns.score)], axis=2),
+            np.stack([_take(table, c) for c in (columns.x, columns.y, columns.score, z) if c], axis=2),
             any(column is not None for column in columns.score),
             times,
             None if frames is None else frame_numbers(frames, source),
@@ -289,6 +292,7 @@ class CsvReader(OneClipReader):
                         source=source,
                         reader=self.name,
                         scores=scores,
+                        depth=mine.depth,
                         times=mine.times,
                         numbers=mine.numbers,
                         clock=every.numbers if times is None else times,
@@ -306,9 +310,17 @@ class CsvReader(OneClipReader):
         if not rows.several:
             yield rows.points, rows.scores, rows, notes
             return
+        if rows.depth is not None:
+            raise KeypointError(
+                "has several people in a frame, and of people who are told apart by their place no z is kept",
+                subject=source,
+                remedy="a column person",
+                code="E_KEYPOINTS_SHAPE",
+            )
         frames, first = rows.frames()
         most = max(len(frame) for frame in frames)
         notes.append(f"up to {most} people in a frame told apart by their place, as no column does")
+        notes += left_out(frames, self.people)
         for points, scores in tracks(frames, joints, self.people):
             yield points, scores, first, notes
 

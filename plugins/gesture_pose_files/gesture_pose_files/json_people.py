@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from gesture_core.errors import KeypointError
+from gesture_core.joint_names import joints_named
 from gesture_core.plugin.reading import ReadOptions
 from gesture_core.types import Person
-from gesture_pose_files.layout import NOT_USED
+from gesture_pose_files.layout import BY_COUNT, NOT_USED
 from gesture_pose_files.whole_body import body_of, known_counts
 
 _LARGEST = 1e7
@@ -74,7 +75,7 @@ def people_in(frame: object, name: str, options: ReadOptions) -> Found:
     people = _people(frame)
     if people is None:
         raise _refused("holds no list 'people', it is not OpenPose's", name)
-    found, identities, counts, notes = [], [], Counter[int](), set()
+    found, identities, counts, notes = [], [], Counter[int](), {*_beside(frame)}
     for number, person in enumerate(people):
         if not isinstance(person, Mapping):
             raise _refused(f"person {number} is no object with keypoints", name)
@@ -99,9 +100,10 @@ def people_in(frame: object, name: str, options: ReadOptions) -> Found:
 
 def _people(frame: object) -> list[Any] | None:
     """The list of people in a frame; one person as an object is a list of one."""
-    if marks := landmarks_of(frame):
-        score = next((key for key in _SCORE_OF if key in marks[0]), "")
-        return [{"keypoints": [[mark.get("x"), mark.get("y"), mark.get(score, 1.0)] for mark in marks]}]
+    if (marks := landmarks_of(frame)) is not None:
+        score = next((key for key in _SCORE_OF if marks and key in marks[0]), "")
+        joints = [[mark.get("x"), mark.get("y"), mark.get(score, 1.0)] for mark in marks]
+        return [{"keypoints": joints}] if joints else []
     frame = frame[0] if is_one(frame) and isinstance(frame, list) else frame
     if isinstance(frame, Mapping):
         held = next((frame[key] for key in _PEOPLE if key in frame), None)
@@ -122,14 +124,37 @@ def is_one(frame: object) -> bool:
     )
 
 
-def landmarks_of(frame: object) -> list[Any]:
-    """The joints of a frame that is nothing but these, as MediaPipe's messages are; empty for another."""
+def landmarks_of(frame: object) -> list[Any] | None:
+    """The joints of a frame of one person, as MediaPipe's messages are, none of nobody; None for another."""
     while isinstance(frame, Mapping):
-        frame = next((frame[key] for key in _LANDMARKS if key in frame), None)
-    points = isinstance(frame, list) and all(
-        isinstance(one, Mapping) and {"x", "y"} <= {*one} for one in frame
-    )
-    return frame if points and isinstance(frame, list) else []
+        key = next((key for key in (*_PEOPLE, *_LANDMARKS) if key in frame), None)
+        if key not in _LANDMARKS:
+            return None
+        frame = frame[key] or []
+    if isinstance(frame, list) and all(isinstance(one, Mapping) and {"x", "y"} <= {*one} for one in frame):
+        return _by_name(frame)
+    return None
+
+
+def _beside(frame: object) -> Iterator[str]:
+    """What a message holds beside the places of the body in the picture."""
+    if not (marks := landmarks_of(frame)):
+        return
+    keys = [key.casefold() for key, value in frame.items() if value] if isinstance(frame, Mapping) else []
+    if any("hand" in key or "face" in key for key in keys):
+        yield "hands and face beside landmarks of the body are not used"
+    if any("z" in mark for mark in marks):
+        yield "depth (z) is not used"
+
+
+def _by_name(marks: list[Any]) -> list[Any] | None:
+    """Joints in the order of their body, where they have names; None where these are of no known body."""
+    names = [mark.get("name", mark.get("part")) for mark in marks]
+    if names.count(None) == len(names):
+        return marks
+    found = dict(zip(joints_named([*map(str, names)]), marks, strict=True))
+    body = BY_COUNT.get(len(marks))
+    return [found[joint] for joint in body.joints] if body and found.keys() == {*body.joints} else None
 
 
 def _joints(person: Mapping[str, Any], number: int, name: str, options: ReadOptions) -> np.ndarray | None:

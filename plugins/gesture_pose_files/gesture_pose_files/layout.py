@@ -90,6 +90,7 @@ def sequence(
     source: str,
     reader: str,
     scores: np.ndarray | None = None,
+    depth: np.ndarray | None = None,
     times: np.ndarray | None = None,
     numbers: np.ndarray | None = None,
     clock: np.ndarray | None = None,
@@ -114,6 +115,8 @@ def sequence(
     source, reader : str
         The input as the user named it, and the plugin that reads it.
     scores : (T, J) array, optional
+    depth : (T, J) array, optional
+        Third coordinates, where they are not in ``array``.
     times : (T,) array, optional
         Seconds; index over the rate where absent.
     numbers : (T,) array, optional
@@ -145,7 +148,8 @@ def sequence(
         raise KeypointError("holds an infinite value", subject=source, code="E_KEYPOINTS_VALUE")
     said = axes or options.axes or "xy"
     points = values[..., 1::-1] if said == "yx" else values[..., :2]
-    depth = _depth(values, scores, joints, options, source) if options.depth else None
+    if options.depth and depth is None:
+        depth = _depth(values, scores, joints, options, source)
     if scores is None:
         scores = _scores(values, joints, options)
         if scores is not None:  # -1, -1 with a score of -1
@@ -305,7 +309,7 @@ def _depth(
     raise KeypointError(
         "has no third coordinate that is kept",
         subject=source,
-        remedy="arrays of x, y, z (--set keypoints.unit=metres) or of x, y, z, score; or "
+        remedy="arrays of x, y, z (--set keypoints.unit=metres) or of x, y, z, score; columns nose_z, …; or "
         "--set keypoints.depth=false with another preset",
         code="E_KEYPOINTS_SHAPE",
     )

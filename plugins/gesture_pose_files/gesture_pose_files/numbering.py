@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -81,7 +81,7 @@ def clips_in(folder: Path, suffix: str) -> dict[str, list[tuple[int, Path]]]:
         raise KeypointError(
             f"cannot be listed: {error.strerror}", subject=printable(folder), code="E_KEYPOINTS_UNREADABLE"
         ) from error
-    if found and decimals:
+    if decimals and not all(map(_counts, found.values())):
         raise KeypointError(
             f"has files whose names are decimal numbers, as {path.name[:40]}, and no numbers of frames",
             subject=printable(folder),
@@ -91,6 +91,13 @@ def clips_in(folder: Path, suffix: str) -> dict[str, list[tuple[int, Path]]]:
     if len(found) > 1 and len({number for clip in found.values() for number, _ in clip}) == 1:
         found = _by_number_before(found)
     return {name: sorted(found[name]) for name in sorted(found)}
+
+
+def _counts(frames: Sequence[tuple[int, Path]]) -> bool:
+    """Whether numbers behind a point, of three digits at least, count frames: ``shot_010.0001.json``."""
+    numbers = {number for number, _ in frames}
+    digits = min(len(path.stem.rpartition(".")[2]) for _, path in frames)
+    return digits > 2 and len(numbers) > 1 and max(numbers) - min(numbers) == len(numbers) - 1
 
 
 def _by_number_before(found: dict[str, list[tuple[int, Path]]]) -> dict[str, list[tuple[int, Path]]]:

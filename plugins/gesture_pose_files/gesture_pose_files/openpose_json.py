@@ -74,7 +74,7 @@ def _looks_like_frame(path: Path) -> bool:
         return True
     try:
         tree = load(path, _ONE_FRAME_BYTES) if kind == "other" else None
-        return bool(landmarks_of(tree)) or is_one(tree)
+        return (bool(tree) and landmarks_of(tree) is not None) or is_one(tree)
     except KeypointError:
         return False
 

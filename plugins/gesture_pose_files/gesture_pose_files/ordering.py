@@ -27,8 +27,8 @@ class Rows:
 
     Attributes
     ----------
-    values : (N, J, 3) float64
-        x, y and score, NaN where missing.
+    values : (N, J, 3|4) float64
+        x, y, score, and z where it is wanted, NaN where missing.
     scored : bool
         The table has scores.
     times, numbers : (N,) float64 or None
@@ -66,6 +66,11 @@ class Rows:
             return None
         sure = np.isnan(self.values[..., 2]) & np.isfinite(self.points).all(axis=2)
         return np.where(sure, 1.0, self.values[..., 2])
+
+    @property
+    def depth(self) -> np.ndarray | None:
+        """(N, J) third coordinates."""
+        return self.values[..., 3] if self.values.shape[2] > 3 else None
 
     def take(self, rows: np.ndarray) -> Rows:
         """Some of the rows, in the order given."""
@@ -138,9 +143,11 @@ def by_person(rows: Rows, cells: Sequence[str] | None, source: str) -> tuple[lis
         raise KeypointError("names no person", subject=source, code="E_KEYPOINTS_VALUE")
     if len(known) == len(names) >= _FEWEST:
         return [rows], ["the column of people numbers the rows, and tells nobody apart"]
-    column = np.array(names)
-    found = [replace(rows.take(np.flatnonzero(column == name)), name=name) for name in known]
-    nobody = (column == "") & np.isfinite(rows.points).any(axis=(1, 2))
+    of_whom: dict[str, list[int]] = {}
+    for row, name in enumerate(names):
+        of_whom.setdefault(name, []).append(row)
+    found = [replace(rows.take(np.array(of_whom[name])), name=name) for name in known]
+    nobody = (np.array(names) == "") & np.isfinite(rows.points).any(axis=(1, 2))
     return found, [f"{int(nobody.sum())} rows of no person left out"] if nobody.any() else []
 
 
@@ -177,7 +184,7 @@ def by_index(
                 code="E_KEYPOINTS_FORMAT",
             )
         index = np.array(values, np.float64)
-        if np.isnan(index).any() or (index == index[0]).all():
+        if not np.isfinite(index).all() or (index == index[0]).all():
             continue
         if (index % 1 != 0).any():
             return index, None, []
@@ -206,24 +213,31 @@ def following(groups: Sequence[Rows]) -> tuple[list[Rows], list[str]]:
     if any(one.key is None for one in groups):
         return [*groups], []
     ordered = sorted(groups, key=lambda one: -np.isfinite(one.points).all(axis=2).sum())
-    joined, left = ordered[0].take(np.argsort(_key(ordered[0]), kind="stable")), []
+    ordered = [one.take(np.argsort(_key(one), kind="stable")) for one in ordered]
+    before, after, left = list[Rows](), ordered[:1], list[Rows]()  # the earliest is the last of those before
     for other in ordered[1:]:
-        one = other.take(np.argsort(_key(other), kind="stable"))
-        pair = (joined, one) if _key(one)[0] > _key(joined)[-1] else (one, joined)
-        meets = _key(pair[1])[0] > _key(pair[0])[-1] and near(pair[0].points[-1], pair[1].points[0])
-        if meets:
-            joined = replace(
-                joined,
-                values=np.concatenate([part.values for part in pair]),
-                times=None if joined.times is None else np.concatenate([part.times for part in pair]),
-                numbers=None if joined.numbers is None else np.concatenate([part.numbers for part in pair]),
-                place=np.concatenate([part.place for part in pair]),
-            )
+        first, last = (before or after[:1])[-1], after[-1]
+        if _follows(last, other):
+            after.append(other)
+        elif _follows(other, first):
+            before.append(other)
         else:
             left.append(other)
-    count = len(groups) - len(left)
-    notes = [f"{count} people or tracks that follow one another taken as one"] if count > 1 else []
-    return [joined, *left], notes
+    parts = [*before[::-1], *after]
+    if len(parts) == 1:
+        return [*groups], []
+    joined = replace(
+        ordered[0],
+        values=np.concatenate([part.values for part in parts]),
+        times=None if ordered[0].times is None else np.concatenate([part.times for part in parts]),
+        numbers=None if ordered[0].numbers is None else np.concatenate([part.numbers for part in parts]),
+        place=np.concatenate([part.place for part in parts]),
+    )
+    return [joined, *left], [f"{len(parts)} people or tracks that follow one another taken as one"]
+
+
+def _follows(one: Rows, other: Rows) -> bool:
+    return bool(_key(other)[0] > _key(one)[-1]) and near(one.points[-1], other.points[0])
 
 
 def _key(rows: Rows) -> np.ndarray:
@@ -249,7 +263,7 @@ def by_joint(rows: Rows, labels: Sequence[str], where: Mapping[str, int], joints
             code="E_KEYPOINTS_TIMES",
         )
     _, first, frame = np.unique(key, return_index=True, return_inverse=True)
-    values = np.full((len(first), joints, 3), np.nan)
+    values = np.full((len(first), joints, rows.values.shape[2]), np.nan)
     taken: set[tuple[int, int]] = set()
     for row, label in enumerate(own):
         if label not in where:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -44,6 +45,16 @@ def tracks(
     return [_joined(found)] if found else [_alone([frame[:1] for frame in frames], joints)]
 
 
+def left_out(
+    frames: Sequence[Sequence[Person]], people: str, identities: Sequence[Sequence[int | None]] = ()
+) -> list[str]:
+    """A clause where more people are wanted than `tracks` gives."""
+    numbered = bool(identities) and all(_apart(frame) for frame in identities)
+    most = len({*chain(*identities)}) if numbered else max(map(len, frames), default=0)
+    crowd = people == "multi" and most > MAX_PEOPLE
+    return [f"of {most} people the {MAX_PEOPLE} best seen are read"] if crowd else []
+
+
 def _alone(frames: Sequence[Sequence[Person]], joints: int) -> Track:
     points = np.full((len(frames), joints, 2), np.nan, np.float32)
     scores = np.zeros((len(frames), joints), np.float32)
@@ -60,12 +71,17 @@ def _apart(identities: Sequence[int | None]) -> bool:
 def _identified(
     frames: Sequence[Sequence[Person]], joints: int, identities: Sequence[Sequence[int | None]]
 ) -> list[Track]:
-    by_person: dict[int | None, list[list[Person]]] = {}
+    by_person: dict[int | None, dict[int, Person]] = {}
     for index, (frame, names) in enumerate(zip(frames, identities, strict=True)):
         for one, name in zip(frame, names, strict=True):
-            by_person.setdefault(name, [[] for _ in frames])[index].append(one)
-    found = [_alone(mine, joints) for mine in by_person.values()]
-    return sorted(found, key=lambda track: -float(track[1].sum()))[:MAX_PEOPLE]
+            by_person.setdefault(name, {})[index] = one
+    strongest = sorted(
+        by_person.values(), key=lambda mine: -sum(float(p.scores.sum()) for p in mine.values())
+    )
+    return [
+        _alone([[mine[index]] if index in mine else [] for index in range(len(frames))], joints)
+        for mine in strongest[:MAX_PEOPLE]
+    ]
 
 
 def _tracked(frames: Sequence[Sequence[Person]], joints: int) -> list[Track]:

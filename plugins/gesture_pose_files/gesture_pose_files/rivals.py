@@ -30,7 +30,7 @@ def check_assumed(points: np.ndarray, assumed: Skeleton, source: str) -> None:
         return
     some = points[:: -(-len(points) // _FRAMES)]
     other = _odd(some, rival)
-    if other < _ODD and _in_line(some, rival) and _odd(some, assumed) > other + _CLEARLY:
+    if other < _ODD and _in_line(some, rival) and other + _CLEARLY < _odd(some, assumed) < np.inf:
         raise KeypointError(
             f"its {len(assumed.joints)} joints lie as those of {rival.name}, not of {assumed.name}",
             subject=source,
@@ -48,7 +48,10 @@ def _in_line(points: np.ndarray, body: Skeleton) -> bool:
 
 
 def _odd(points: np.ndarray, body: Skeleton) -> float:
-    """How far left limbs are from as long as right ones, upper arms as forearms, and thighs as shins."""
+    """How far left limbs are from as long as right ones, upper arms as forearms, and thighs as shins.
+
+    Infinite where no two of them are seen.
+    """
 
     def length(side: str, one: str, two: str) -> float:
         steps = points[:, body.index(f"{side}_{one}")] - points[:, body.index(f"{side}_{two}")]

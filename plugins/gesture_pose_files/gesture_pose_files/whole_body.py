@@ -61,6 +61,11 @@ def is_one_frame(shape: tuple[int, ...], options: ReadOptions) -> bool:
     return len(shape) in (1, 2) and not is_known(shape, options) and is_known((2, *shape), options)
 
 
+def is_one_person(shape: tuple[int, ...]) -> bool:
+    """Whether an array of ``shape`` is one frame with an axis for its only person, (1, J, 2|3|4)."""
+    return len(shape) == 3 and shape[0] == 1 and shape[2] in _VALUES
+
+
 def people_in(
     array: np.ndarray, options: ReadOptions, source: str
 ) -> tuple[list[np.ndarray], tuple[str, ...]]:
