@@ -22,7 +22,7 @@ from datasets import Item, arguments, body_gesture
 from gesture_core.errors import GestureError
 from gesture_core.plugin.interfaces import PoseBackend
 from gesture_core.pose.extract import extract_poses, open_backend
-from gesture_core.pose.hands import HandFinder, open_hands
+from gesture_core.pose.parts import Parts, open_parts
 from gesture_core.settings import load_settings
 from gesture_core.types import PoseSequence
 from gesture_core.video import at_rate, open_video, pictures
@@ -38,12 +38,12 @@ def extract(
     backend: PoseBackend,
     rate: float,
     follow: bool | None = None,
-    hands: HandFinder | None = None,
+    parts: Parts | None = None,
 ) -> PoseSequence:
     """Keypoints of a clip, as with ``pose.rate``."""
     with open_video(video) as frames:
         people = extract_poses(
-            at_rate(pictures(frames), rate), backend, follow=follow, hands=hands, source=str(video)
+            at_rate(pictures(frames), rate), backend, follow=follow, parts=parts, source=str(video)
         )
     return people[0]
 
@@ -100,8 +100,8 @@ def main() -> int:
         if path.is_file():
             continue
         try:
-            hands = open_hands(settings, backend.skeleton, given.threads)
-            pose = extract(video_of(item, given.shared), backend, given.rate, given.follow, hands)
+            parts = open_parts(settings, backend.skeleton, given.threads)
+            pose = extract(video_of(item, given.shared), backend, given.rate, given.follow, parts)
         except GestureError as error:
             print(f"{item.name}: {error}", file=sys.stderr)
             continue

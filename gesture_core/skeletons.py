@@ -244,6 +244,8 @@ def _hands(name: str, joints: tuple[str, ...]) -> Skeleton:
 LEFT_HAND, RIGHT_HAND = _hands("left_hand21", _LEFT), _hands("right_hand21", _RIGHT)
 HANDS42 = _hands("hands42", HANDS)
 
+FACE20 = Skeleton("face20", FACE, FACE_LIMBS, {}, COCO18.name)
+
 
 def _whole(name: str, body: Skeleton, *rest: str) -> Skeleton:
     """``body`` and further joints."""
@@ -336,6 +338,8 @@ def skeleton(name: str) -> Skeleton:
     KeypointError
         `E_SKELETON` for any other; it lists the known names.
     """
+    if name == FACE20.name:  # of a network; no file has it
+        return FACE20
     base, *parts = name.split("+")
     if base not in SKELETONS or parts not in ([], ["hands"], ["face"], ["hands", "face"]):
         raise KeypointError(

@@ -66,6 +66,12 @@ def blazehand(tmp_path_factory: pytest.TempPathFactory) -> ModelFile:
     return _fetched("blazehand", tmp_path_factory)
 
 
+@pytest.fixture(scope="session")
+def blazeface(tmp_path_factory: pytest.TempPathFactory) -> ModelFile:
+    """The network of a face, likewise."""
+    return _fetched("blazeface", tmp_path_factory)
+
+
 def _fetched(name: str, tmp_path_factory: pytest.TempPathFactory) -> ModelFile:
     from gesture_core.errors import ModelError
     from gesture_core.pose.downloads import get_model

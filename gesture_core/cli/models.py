@@ -92,8 +92,11 @@ def get(*names: Annotated[str, Parameter(required=True)], replace: Annotated[boo
         facts = "  ".join(part for part in (*_facts(card), card.licence) if part)
         print(f"{card.name}: {printable(card.path)}\nsha256 {card.sha256}\n{facts}")
         if card.contract:
-            people = skeleton(card.contract.skeleton).has_neck
-            print(f"use it with: {f'--model {name}' if people else '--preset hands'}")
+            found = skeleton(card.contract.skeleton)
+            use = f"--model {name}" if found.has_neck else "--preset hands"
+            if found.group("face") == found.joints:
+                use += " --set keypoints.parts=body,hands,face --set hands.face=true"
+            print(f"use it with: {use}")
     return 0
 
 

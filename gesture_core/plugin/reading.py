@@ -47,8 +47,8 @@ class ReadOptions:
     depth : bool
         Keep the third coordinate; a file without one is refused. Of the networks `blazepose` gives one.
     parts : tuple of str
-        What is kept of a person beside the body: ``body``, ``hands``, ``face``. Hands are then looked for in
-        videos, too; a face is in keypoint files alone.
+        What is kept of a person beside the body: ``body``, ``hands``, ``face``. Hands and faces are then
+        looked for in videos, too, by networks of their own.
 
     Examples
     --------

@@ -14,9 +14,9 @@ from operator import attrgetter
 from typing import Any
 
 from gesture_core.errors import ModelError
-from gesture_core.skeletons import SKELETONS
+from gesture_core.skeletons import FACE20, SKELETONS
 
-LAYOUTS = ("openpose", "movenet", "simcc", "yolo-pose", "blazepose", "blazehand")
+LAYOUTS = ("openpose", "movenet", "simcc", "yolo-pose", "blazepose", "blazehand", "blazeface")
 """Forms of output that there are decoders for (`gesture_core.pose.decode`)."""
 
 _JOINTS = {
@@ -24,6 +24,7 @@ _JOINTS = {
     "yolo-pose": "coco17",
     "blazepose": "blazepose33",
     "blazehand": "right_hand21",
+    "blazeface": "face20",
 }
 """Skeletons of layouts that have only one."""
 BLAZEPOSE = 39 * 5
@@ -117,7 +118,7 @@ class ModelContract:
     def __post_init__(self) -> None:
         for name, value, choices in (
             ("layout", self.layout, LAYOUTS),
-            ("skeleton", self.skeleton, tuple(SKELETONS)),
+            ("skeleton", self.skeleton, (*SKELETONS, FACE20.name)),
             ("colour", self.colour, ("bgr", "rgb")),
             ("dtype", self.dtype, ("float32", "uint8", "int32")),
             ("channels_first", self.channels_first, (True, False)),

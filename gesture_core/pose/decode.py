@@ -13,7 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from gesture_core.errors import ModelError, PoseError
+from gesture_core.joints import FACE_POINTS
 from gesture_core.pose.contract import BLAZEPOSE, FIELDS, ModelContract, split_openpose
+from gesture_core.pose.region import ROOM
 from gesture_core.skeletons import skeleton
 from gesture_core.types import Person
 
@@ -28,6 +30,8 @@ _AROUND = 3
 """Cells of BlazePose's heat maps to each side of a landmark that are looked at, and, below, the height of one
 of them from which they know better than the landmark: as in MediaPipe."""
 _HEAT = 0.5
+_FACE_ROOM = 1.5
+"""Side of the next square over the box around a face, as in MediaPipe."""
 
 
 def decode(
@@ -67,6 +71,8 @@ def decode(
         return _blazepose(arrays, input_size)
     if contract.layout == "blazehand":
         return _blazehand(arrays)
+    if contract.layout == "blazeface":
+        return _blazeface(arrays)
     return _movenet(arrays[0], input_size) if contract.layout == "movenet" else _simcc(arrays, input_size)
 
 
@@ -77,6 +83,26 @@ def _blazehand(outputs: list[np.ndarray]) -> list[list[Person]]:
     return [
         [Person(points.astype(np.float32), np.full(len(points), presence, np.float32), presence=presence)]
     ]
+
+
+def _blazeface(outputs: list[np.ndarray]) -> list[list[Person]]:
+    """468 times x, y, z in pixels, and the logit of the presence (Kartynnik et al. 2019); 20 are kept."""
+    logit, rows = sorted((out.reshape(-1) for out in outputs), key=len)
+    mesh = rows.reshape(-1, 3)[:, :2] - 0.5
+    points = mesh[[place for _, place in FACE_POINTS.values()]]
+    presence = float(1 / (1 + np.exp(-np.clip(logit[0], -50, 50))))
+    # The next square: around all points, level between the eyes.
+    at = dict(zip(FACE_POINTS, points, strict=True))
+    right, left = ((at[f"{side}_eye_outer"] + at[f"{side}_eye_inner"]) / 2 for side in ("right", "left"))
+    turn = np.stack([left - right, np.array([right[1] - left[1], left[0] - right[0]])])
+    turn /= max(float(np.hypot(*turn[0])), 1e-6)
+    seen = mesh @ turn.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    radius = _FACE_ROOM * float((high - low).max()) / (2 * ROOM)
+    middle = (low + high) / 2 @ turn
+    region = np.stack([middle, middle - radius * turn[1]])
+    score = np.full(len(points), presence, np.float32)
+    return [[Person(points.astype(np.float32), score, presence=presence, region=region)]]
 
 
 def _openpose(

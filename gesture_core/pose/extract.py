@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +13,12 @@ from gesture_core.plugin.abilities import CropFollowing, RegionFollowing, Tracea
 from gesture_core.plugin.registry import calling
 from gesture_core.pose.follow import Follower, Frame
 from gesture_core.pose.temporal import JointChoice
-from gesture_core.skeletons import HANDS42, skeleton, with_parts
+from gesture_core.skeletons import skeleton
 from gesture_core.types import Person, PoseSequence
 
 if TYPE_CHECKING:
     from gesture_core.plugin.interfaces import PoseBackend
-    from gesture_core.pose.hands import HandFinder
+    from gesture_core.pose.parts import Parts
     from gesture_core.pose.region import RegionFollower
     from gesture_core.settings import Settings
 
@@ -108,7 +107,7 @@ def extract_poses(
     *,
     follow: bool | None = None,
     steady: bool | None = None,
-    hands: HandFinder | None = None,
+    parts: Parts | None = None,
     source: str = "",
 ) -> list[PoseSequence]:
     """The keypoints of everybody in a video.
@@ -126,8 +125,9 @@ def extract_poses(
     steady : bool, optional
         Choose every limb for all frames together (`gesture_core.pose.temporal`); None lets the backend
         decide, which does so unless its ``steady`` is false. Only with ``people="single"``.
-    hands : HandFinder, optional
-        From `gesture_core.pose.hands.open_hands`: people have hands, and a skeleton with ``+hands``.
+    parts : Parts, optional
+        From `gesture_core.pose.parts.open_parts`: people have hands or a face, and a skeleton with ``+hands``
+        or ``+face``.
     source : str
         What to call the input.
 
@@ -157,8 +157,8 @@ def extract_poses(
     if not single:
         from gesture_core.pose.people import Tracker
 
-        tracker = Tracker(joints + (len(HANDS42.joints) if hands else 0))
-    name = with_parts(backend.skeleton, ("hands",)).name if hands else backend.skeleton
+        tracker = Tracker(len(parts.skeleton.joints) if parts else joints)
+    name = parts.skeleton.name if parts else backend.skeleton
     size: tuple[int, int] | None = None
     times: list[float] = []
     points: list[np.ndarray] = []
@@ -174,11 +174,11 @@ def extract_poses(
         size = size or (pictures[0].shape[1], pictures[0].shape[0])
         if tracker:
             for frame, everybody in zip(pictures, backend.estimate(pictures, people), strict=True):
-                tracker.add([_with_hands(hands, frame, one) for one in everybody] if hands else everybody)
+                tracker.add([parts.whole(frame, one) for one in everybody] if parts else everybody)
             continue
         seen = follower.estimate(batch) if follower else _best(backend, pictures)
-        if hands:
-            found += [hands.find(frame, person) for frame, person in zip(pictures, seen, strict=True)]
+        if parts:
+            found += [parts.find(frame, person) for frame, person in zip(pictures, seen, strict=True)]
         for person in seen:
             points.append(person.keypoints if person else np.full((joints, 2), np.nan))
             scores.append(person.scores if person else np.zeros(joints))
@@ -202,19 +202,11 @@ def extract_poses(
     depth = None
     if any(one is not None for one in depths):
         depth = np.stack([np.full(joints, np.nan) if one is None else one for one in depths])
-    if hands:
-        where = np.concatenate([where, np.stack([one.keypoints for one in found])], axis=1)
-        certain = np.concatenate([certain, np.stack([one.scores for one in found])], axis=1)
-        if depth is not None:  # of a hand there is none
-            depth = np.concatenate([depth, np.full((len(depth), len(HANDS42.joints)), np.nan)], axis=1)
+    if parts:
+        fine = [np.stack([getattr(one, kind) for one in found]) for kind in ("keypoints", "scores")]
+        where, certain = parts.beside(where, certain, *fine)
+        depth = None if depth is None else parts.depth(depth)
     return [PoseSequence(where, certain, at, name, size, 0, source, provenance, depth)]
-
-
-def _with_hands(hands: HandFinder, frame: np.ndarray, person: Person) -> Person:
-    """One of several people in a frame, with their hands."""
-    both = hands.find(frame, person, follow=False)
-    points = np.concatenate([person.keypoints, both.keypoints])
-    return replace(person, keypoints=points, scores=np.concatenate([person.scores, both.scores]))
 
 
 def _best(backend: PoseBackend, pictures: Sequence[np.ndarray]) -> list[Person | None]:

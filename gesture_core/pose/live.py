@@ -10,11 +10,11 @@ import numpy as np
 from gesture_core.plugin.interfaces import Person, PoseBackend
 from gesture_core.pose.extract import follower_of, is_steady
 from gesture_core.pose.temporal import JointChoice
-from gesture_core.skeletons import skeleton, with_parts
+from gesture_core.skeletons import skeleton
 from gesture_core.types import PoseSequence
 
 if TYPE_CHECKING:
-    from gesture_core.pose.hands import HandFinder
+    from gesture_core.pose.parts import Parts
 
 MEMORY = 0.7
 """Seconds of frames together with which the limbs of the newest one are chosen."""
@@ -26,7 +26,7 @@ class LivePose:
     Parameters
     ----------
     backend : PoseBackend
-    follow, steady, hands : optional
+    follow, steady, parts : optional
         As in `extract_poses`.
     source : str
         What to call the input.
@@ -38,11 +38,11 @@ class LivePose:
         *,
         follow: bool | None = None,
         steady: bool | None = None,
-        hands: HandFinder | None = None,
+        parts: Parts | None = None,
         source: str = "",
     ) -> None:
-        self._backend, self._hands, self._source = backend, hands, source
-        self._skeleton = with_parts(backend.skeleton, ("hands",)).name if hands else backend.skeleton
+        self._backend, self._parts, self._source = backend, parts, source
+        self._skeleton = parts.skeleton.name if parts else backend.skeleton
         self._body = skeleton(backend.skeleton)
         self._follower = follower_of(backend, follow)
         steady = is_steady(backend) if steady is None else steady
@@ -64,12 +64,10 @@ class LivePose:
             points, scores = chosen[-1], sure[-1]
         size = (frame.shape[1], frame.shape[0])
         at, depth = np.array([time]), None if person is None or person.depth is None else person.depth[None]
-        if self._hands:
-            both = self._hands.find(frame, person)
-            points = np.concatenate([points, both.keypoints])
-            scores = np.concatenate([scores, both.scores])
-            if depth is not None:
-                depth = np.concatenate([depth, np.full((1, len(both.scores)), np.nan)], axis=1)
+        if self._parts:
+            fine = self._parts.find(frame, person)
+            points, scores = self._parts.beside(points, scores, fine.keypoints, fine.scores)
+            depth = None if depth is None else self._parts.depth(depth)
         name = self._skeleton
         return PoseSequence(points[None], scores[None], at, name, size, 0, self._source, depth=depth)
 

@@ -313,8 +313,8 @@ def _resolved(settings: Settings, name: str) -> PoseSettings:
     pose, model = settings.pose, find_model(name)
     if model.contract and not skeleton(model.contract.skeleton).has_neck:
         raise ModelError(
-            f"the network {name!r} finds hands, not people",
-            remedy="--set keypoints.parts=body,hands with a network that finds people",
+            f"the network {name!r} finds hands or faces, not people",
+            remedy="--set keypoints.parts=body,hands,face with a network that finds people",
             code="E_MODEL_LAYOUT",
         )
     backend = backend_name(model) if pose.backend == "auto" else pose.backend

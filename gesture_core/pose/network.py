@@ -192,7 +192,7 @@ class NetworkBackend(ABC):
             )
         self.follow, self.crop = self.contract.follow, self.contract.crop
         self.steady = self.contract.steady if steady is None else steady
-        regional = self.contract.layout in ("blazepose", "blazehand")
+        regional = self.contract.layout in ("blazepose", "blazehand", "blazeface")
         self.region = (self.contract.input_size or (256, 256))[0] if regional else 0
         self.score = self.contract.score if score is None else score
         self.batch_size = self.contract.batch or batch_size

@@ -174,7 +174,7 @@ class RegionFollower:
             self._wait -= 1
         if person is not None:
             person = self._smoothed(person, time)
-        self._region = _around(person)
+        self._region = around(person)
         return person
 
     def _smoothed(self, person: Person, time: float) -> Person:
@@ -207,7 +207,7 @@ class RegionFollower:
         person: Person | None = None
         for _ in range(LOOKS):
             person = self._look(frame, found)
-            found = _around(person)
+            found = around(person)
         return person if person and self._agreed(frame, person) else None
 
     def _agreed(self, frame: np.ndarray, person: Person) -> bool:
@@ -229,7 +229,7 @@ class RegionFollower:
         return region.back(people[0], pixels) if people else None
 
 
-def _around(person: Person | None) -> Region | None:
+def around(person: Person | None) -> Region | None:
     """The next square of a person."""
     return None if person is None or person.region is None else Region.around(*person.region)
 

@@ -71,10 +71,12 @@ def _video_identity(settings: Settings) -> dict[str, Any]:
     model: dict[str, Any] = {"sha256": found.sha256, "contract": contract.as_table() if contract else None}
     if contract and contract.layout == "blazepose":
         model["finder"] = find_model(FINDER).sha256
-    if "hands" in settings.keypoints.parts:
-        from gesture_core.pose import hands
+    if {"hands", "face"} & {*settings.keypoints.parts}:
+        from gesture_core.pose.parts import finders_of
 
-        model["hands"], model["hands_revision"] = find_model(hands.MODEL).sha256, hands.REVISION
+        for finder in finders_of(settings.keypoints.parts):
+            model[finder.part] = find_model(finder.model).sha256
+            model[f"{finder.part}_revision"] = finder.revision
     reader = reader_name(settings.pose.reader, settings.options)
     return {
         "package": gesture_core.__version__,

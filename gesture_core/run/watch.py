@@ -120,14 +120,14 @@ class Watching:
         pose = None
         if opened.pictures:
             from gesture_core.pose.extract import open_backend
-            from gesture_core.pose.hands import open_hands
             from gesture_core.pose.live import LivePose
+            from gesture_core.pose.parts import open_parts
 
             chosen = choose_pose(self.settings)
             self.listener.network(described(chosen))
             backend = open_backend(chosen)
-            hands = open_hands(chosen, backend.skeleton)
-            pose = LivePose(backend, follow=chosen.pose.follow, hands=hands, source=opened.name)
+            parts = open_parts(chosen, backend.skeleton)
+            pose = LivePose(backend, follow=chosen.pose.follow, parts=parts, source=opened.name)
         capture = Capture(opened, self.settings.pose.rate)
         self.watch = Watch(capture, self._spotter, pose, self.settings.spot.gap, self.on_frame)
         self.name = opened.name

@@ -12,10 +12,11 @@ import pytest
 from gesture_core.errors import ModelError
 from gesture_core.pose.decode import decode
 from gesture_core.pose.extract import extract_poses
-from gesture_core.pose.hands import HandFinder, after_landmarks, open_hands
+from gesture_core.pose.hands import HandFinder, after_landmarks
 from gesture_core.pose.live import LivePose
 from gesture_core.pose.models import ModelFile, choose_pose, known_models
 from gesture_core.pose.network import NetworkBackend
+from gesture_core.pose.parts import Parts, open_parts
 from gesture_core.settings import load_settings
 from gesture_core.skeletons import COCO18, HANDS42, skeleton
 from gesture_core.testing.signals import draw_whole
@@ -103,7 +104,7 @@ def test_arms_that_are_not_seen_or_too_small_have_no_hand() -> None:
 def test_a_hand_is_found_where_the_wrist_is_missed_by_half_a_forearm() -> None:
     find, points = finder(), POINTS[0].copy()
     points[AT["left_wrist"]] = points[AT["left_elbow"]] + (60, 0)
-    *_, wide = find._arm(points, "left")
+    *_, wide = find.squares(dict(zip(AT, points, strict=True)), "left")
     hand = points[AT["left_wrist"]] - (0.55 * wide.side / 1.4, 0)
     there = {"left_wrist": hand, "right_wrist": hand}
     shown = frame_of(np.array([there.get(joint, point) for joint, point in zip(AT, points, strict=True)]))
@@ -123,20 +124,20 @@ def test_the_next_square_follows_the_hand() -> None:
 @pytest.mark.parametrize("people", ["single", "multi"])
 def test_videos_have_hands_where_they_are_wanted(people: str) -> None:
     frames = [(n / 10, frame_of(points)) for n, points in enumerate(POINTS)]
-    (pose,) = extract_poses(frames, Body(POINTS), people, hands=finder())
+    (pose,) = extract_poses(frames, Body(POINTS), people, parts=Parts([finder()]))
     assert pose.skeleton == "coco18+hands" and pose.seen.all()
     (plain,) = extract_poses(frames, Body(POINTS), people)
     np.testing.assert_array_equal(pose.keypoints[:, :18], plain.keypoints)
-    live = LivePose(Body(POINTS), hands=finder(), steady=False)
+    live = LivePose(Body(POINTS), parts=Parts([finder()]), steady=False)
     one = live.push(0.0, frames[0][1])
     assert one.skeleton == "coco18+hands" and one.seen.all()
 
 
 def test_what_is_not_here_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("GESTURE_MODELS", str(tmp_path))
-    assert open_hands(load_settings("modern", environment={}), "coco18") is None
+    assert open_parts(load_settings("modern", environment={}), "coco18") is None
     with pytest.raises(ModelError, match="gesture models get blazehand"):
-        open_hands(load_settings("hands", environment={}), "coco18")
+        open_parts(load_settings("hands", environment={}), "coco18")
     known = known_models()["blazehand"]
     assert known.contract and skeleton(known.contract.skeleton).has_hands
     outputs = [np.full((1, 63), 5.0), np.array([[0.7]]), np.zeros((1, 1)), np.zeros((1, 63))]
@@ -148,7 +149,7 @@ def test_what_is_not_here_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
             "Found", (), {"contract": known.contract, "path": Path("a.tflite"), "name": name}
         )(),
     )
-    with pytest.raises(ModelError, match="finds hands, not people"):
+    with pytest.raises(ModelError, match="finds hands or faces, not people"):
         choose_pose(load_settings("hands", ["pose.model=blazehand"], environment={}))
 
 
@@ -156,9 +157,8 @@ def test_the_real_network_sees_no_hand_in_noise(
     blazehand: ModelFile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("GESTURE_MODELS", str(blazehand.path.parents[1]))
-    found = open_hands(load_settings("hands", environment={}), "coco18", 1)
+    found = open_parts(load_settings("hands", environment={}), "coco18", 1)
     assert found and blazehand.contract
     noise = np.random.default_rng(0).integers(0, 255, (480, 640, 3), np.uint8)
     hands = found.find(noise, Person(POINTS[0], np.ones(18)))
     assert hands.keypoints.shape == (len(HANDS42.joints), 2) and not (hands.scores > 0).any()
-    assert found.looks

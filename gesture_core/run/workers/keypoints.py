@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from gesture_core.plugin.interfaces import KeypointReader, PoseBackend, Video
-    from gesture_core.pose.hands import HandFinder
+    from gesture_core.pose.parts import Parts
     from gesture_core.run.workers.worker import Worker
     from gesture_core.video.reader import Picture
 
@@ -180,7 +180,7 @@ class KeypointExtractor:
                     asked,
                     settings.pose.people,
                     follow=settings.pose.follow,
-                    hands=self.hands,
+                    parts=self.parts,
                     source=str(path),
                 )
             report = video.report
@@ -263,13 +263,13 @@ class KeypointExtractor:
         return self._readers[name]
 
     @cached_property
-    def hands(self) -> HandFinder | None:
-        """What finds hands, where the settings ask for them."""
-        if "hands" not in self._settings.keypoints.parts:
+    def parts(self) -> Parts | None:
+        """What finds hands and faces, where the settings ask for them."""
+        if not {"hands", "face"} & {*self._settings.keypoints.parts}:
             return None
-        from gesture_core.pose.hands import open_hands
+        from gesture_core.pose.parts import open_parts
 
-        return open_hands(self._settings, self.backend.skeleton, self._job.threads)
+        return open_parts(self._settings, self.backend.skeleton, self._job.threads)
 
     @cached_property
     def backend(self) -> PoseBackend:
