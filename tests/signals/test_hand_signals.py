@@ -129,16 +129,16 @@ def fist(pose: PoseSequence, side: str = "right") -> PoseSequence:
 @pytest.mark.filterwarnings("ignore:examples .* are equal")
 def test_what_differs_by_the_hand_alone_is_told_apart() -> None:
     """The same bodies with an open hand and with a fist; no person is among their own examples."""
-    open_hands = [draw_whole(WHOLE.name, seed, ("wave", "swipe", "clap")[seed % 3]) for seed in range(8)]
-    drawn, labels = [*open_hands, *map(fist, open_hands)], ["open"] * 8 + ["fist"] * 8
+    open_hands = [draw_whole(WHOLE.name, seed, ("wave", "swipe", "clap")[seed % 3]) for seed in range(14)]
+    drawn, labels = [*open_hands, *map(fist, open_hands)], ["open"] * 14 + ["fist"] * 14
     rng = np.random.default_rng(0)
     noisy = [replace(p, keypoints=p.keypoints + rng.normal(scale=0.3, size=p.keypoints.shape)) for p in drawn]
     said = {}
     for preset, poses in (("modern", drawn), ("hands", noisy)):
-        known = GestureClassifier(preset).fit(poses[:5] + poses[8:13], labels[:5] + labels[8:13])
-        said[preset] = list(known.predict(poses[5:8] + poses[13:]))
-    assert said["hands"] == ["open"] * 3 + ["fist"] * 3
-    assert said["modern"][:3] == said["modern"][3:], "the bodies are the same"
+        known = GestureClassifier(preset).fit(poses[:10] + poses[14:24], labels[:10] + labels[14:24])
+        said[preset] = list(known.predict(poses[10:14] + poses[24:]))
+    assert said["hands"] == ["open"] * 4 + ["fist"] * 4
+    assert said["modern"][:4] == said["modern"][4:], "the bodies are the same"
 
 
 def test_a_normalizer_of_hands_needs_hands() -> None:
